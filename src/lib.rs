@@ -1,0 +1,13 @@
+//! collapsar: a massive-model streaming renderer with frame-to-frame coherence.
+//!
+//! What flows through, in the order of the folders: files become a [`import::Model`]; [`geometry`] orders every part
+//! by the edge collapses that remove it; [`bake`] does so for all parts in parallel; [`container`] keeps the result
+//! in a checked, memory-mapped file; [`scene`] opens it; [`select`] grants every instance a budget; [`stream`] finds
+//! what the GPU lacks; [`gpu`] and [`passes`] defragment, reform and draw it; [`reference`](mod@reference) does the
+//! same on the CPU, in the simplest way that is correct; [`stats`] counts it all.
+//!
+//! The words are those of Peng & Cao 2012, *A GPU-based Approach for Massive Model Rendering with Frame-to-Frame
+//! Coherence*; `docs/architecture.md` lists them.
+
+pub mod geometry;
+pub mod import;

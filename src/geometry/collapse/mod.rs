@@ -1,0 +1,368 @@
+//! A welded mesh in, the order of all its edge collapses out.
+//!
+//! This work is based on: Garland & Heckbert 1997 (quadrics), Lindstrom & Turk 1998 (memoryless costs), Peng & Cao 2012
+//! section 4.2 (the recorded sequence). Half-edge collapses: the target is an end of the edge, so every level uses a
+//! subset of the vertices. A position and all its wedges go in one step, a [`Group`].
+//!
+//! 1. Every position waits in a queue with the cost of its best collapse (`evaluate.rs`, `queue.rs`).
+//! 2. The cheapest is looked at again; if it is still the cheapest it collapses (`mesh.rs`), its target is looked at
+//!    anew, and neighbours that had been stuck get another chance. The others wait: their stale cost is corrected when
+//!    they come up.
+//! 3. When nothing is left the guards are relaxed ([`Phase`]) and everything that stays is tried again.
+//! 4. Pieces that nothing can collapse any further vanish whole, the smallest first; the largest stays.
+
+mod evaluate;
+mod mesh;
+mod queue;
+
+use glam::Vec3;
+
+use super::adjacency::position_edges;
+use super::quadric::Quadric;
+use super::record::Stall;
+use super::weld::WeldedMesh;
+use evaluate::{Evaluator, Setting};
+use mesh::CornerMesh;
+use queue::BucketQueue;
+
+pub(crate) use evaluate::FLIP_LIMIT;
+
+/// What may happen to open boundaries.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Boundary {
+    /// They slide along themselves, held in place by boundary quadrics.
+    #[default]
+    Slide,
+    /// They are locked, as in the paper (section 4.1).
+    Lock,
+}
+
+/// Which guards hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Phase {
+    /// No triangle turns beyond [`flip_limit`], no wedge takes on attributes across a crease, topology is kept.
+    Strict,
+    /// Triangles may turn and creases may smear; topology is kept.
+    Loose,
+    /// Where the surface is already non-manifold its topology may change.
+    Junctions,
+    /// What is left vanishes by whole pieces.
+    Vanish,
+}
+
+/// The least cosine between a triangle's normals before and after a collapse of [`Phase::Strict`].
+pub fn flip_limit() -> f32 {
+    FLIP_LIMIT
+}
+
+/// Where a wedge goes when it is removed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Target {
+    /// Onto this wedge, which is removed later or never.
+    Wedge(u32),
+    /// Nowhere in particular: no triangle that is left, now or later, has a corner that resolves to it.
+    Anywhere,
+}
+
+/// One step of the order: the wedges that are removed together.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Group {
+    /// Its wedges: `moves[previous.moves_end..moves_end]`.
+    pub moves_end: usize,
+    /// Its triangles: `removed[previous.removed_end..removed_end]`.
+    pub removed_end: usize,
+    /// Geometric error of the mesh after the step, in grid steps; never less than that of the step before.
+    pub error: f32,
+    /// Which guards held.
+    pub phase: Phase,
+}
+
+/// The recorded sequence of collapses of one mesh.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct CollapseOrder {
+    /// The steps, first to be removed first.
+    pub groups: Vec<Group>,
+    /// Wedges in the order in which they are removed, and where each goes.
+    pub moves: Vec<(u32, Target)>,
+    /// Triangles in the order in which they are removed.
+    pub removed: Vec<u32>,
+    /// What stops most of the positions that are left.
+    pub stall: Stall,
+}
+
+/// Computes the complete collapse order of a welded mesh. `locked` has one entry per position.
+pub fn collapse_order(mesh: &WeldedMesh, locked: &[bool], boundary: Boundary) -> CollapseOrder {
+    let (points, grid_steps) = local_points(mesh);
+    let wedge_normals: Vec<Vec3> =
+        mesh.wedges.iter().map(|wedge| wedge.normal(mesh.coloured).into()).collect();
+    let locked = match boundary {
+        Boundary::Slide => locked.to_vec(),
+        Boundary::Lock => with_open_positions(mesh, locked),
+    };
+    let setting = Setting { points: &points, wedge_normals: &wedge_normals, locked: &locked };
+    let mut simplifier = Simplifier::new(mesh, setting, grid_steps);
+    for phase in [Phase::Strict, Phase::Loose, Phase::Junctions] {
+        simplifier.run(phase);
+    }
+    simplifier.order.stall = simplifier.common_stall();
+    simplifier.vanish_pieces();
+    simplifier.order
+}
+
+/// The locked positions and those on open edges.
+fn with_open_positions(mesh: &WeldedMesh, locked: &[bool]) -> Vec<bool> {
+    let mut locked = locked.to_vec();
+    for edge in position_edges(mesh).iter().filter(|edge| edge.is_open()) {
+        for position in edge.ends {
+            locked[position as usize] = true;
+        }
+    }
+    locked
+}
+
+/// Positions centred and scaled to unit size, and how many grid steps a unit is.
+fn local_points(mesh: &WeldedMesh) -> (Vec<Vec3>, f32) {
+    let mut low = [u32::MAX; 3];
+    let mut high = [0; 3];
+    for position in &mesh.positions {
+        for axis in 0..3 {
+            low[axis] = low[axis].min(position[axis]);
+            high[axis] = high[axis].max(position[axis]);
+        }
+    }
+    let extent = (0..3).map(|axis| high[axis].saturating_sub(low[axis])).max().unwrap_or(0).max(1) as f32;
+    let centre = [0, 1, 2].map(|axis| (f64::from(low[axis]) + f64::from(high[axis])) / 2.0);
+    let local = |p: &[u32; 3]| {
+        Vec3::from([0, 1, 2].map(|axis| ((f64::from(p[axis]) - centre[axis]) / f64::from(extent)) as f32))
+    };
+    (mesh.positions.iter().map(local).collect(), extent)
+}
+
+struct Simplifier<'a> {
+    mesh: CornerMesh,
+    setting: Setting<'a>,
+    evaluator: Evaluator,
+    queue: BucketQueue,
+    accumulated: Vec<Quadric>,
+    /// Per position, an estimate of how far the surface near it has moved so far.
+    moved: Vec<f32>,
+    error: f32,
+    grid_steps: f32,
+    order: CollapseOrder,
+    wedge_gone: Vec<bool>,
+    killed_wedges: Vec<u32>,
+}
+
+impl<'a> Simplifier<'a> {
+    fn new(welded: &WeldedMesh, setting: Setting<'a>, grid_steps: f32) -> Self {
+        let mut mesh = CornerMesh::new(welded);
+        let positions = mesh.position_count();
+        let mut evaluator = Evaluator::new(positions);
+        let accumulated = (0..positions as u32)
+            .map(|position| evaluator.initial_quadric(&mut mesh, &setting, position))
+            .collect();
+        Self {
+            queue: BucketQueue::new(positions),
+            accumulated,
+            moved: vec![0.0; positions],
+            error: 0.0,
+            grid_steps,
+            order: CollapseOrder::default(),
+            wedge_gone: vec![false; welded.wedges.len()],
+            killed_wedges: Vec::new(),
+            mesh,
+            setting,
+            evaluator,
+        }
+    }
+
+    fn run(&mut self, phase: Phase) {
+        for position in 0..self.mesh.position_count() as u32 {
+            self.enqueue(position, phase);
+        }
+        while let Some(position) = self.queue.pop() {
+            let Ok(best) = self.evaluate(position, phase) else { continue };
+            if self.queue.has_cheaper_than(best.cost) {
+                self.queue.set(position, best.cost);
+            } else {
+                self.collapse(position, best.target, phase);
+            }
+        }
+    }
+
+    fn evaluate(&mut self, position: u32, phase: Phase) -> Result<evaluate::Candidate, Stall> {
+        self.evaluator.best(&mut self.mesh, &self.setting, &self.accumulated, position, phase)
+    }
+
+    fn enqueue(&mut self, position: u32, phase: Phase) {
+        if self.mesh.valence[position as usize] == 0 {
+            return;
+        }
+        match self.evaluate(position, phase) {
+            Ok(best) => self.queue.set(position, best.cost),
+            Err(_) => self.queue.remove(position),
+        }
+    }
+
+    /// Collapses a position, whose ring the evaluator has just looked at, onto a neighbour.
+    fn collapse(&mut self, position: u32, target: u32, phase: Phase) {
+        let moved = self.evaluator.deviation(&self.setting, position, target) + self.moved[position as usize];
+        self.moved[target as usize] = self.moved[target as usize].max(moved);
+        self.error = self.error.max(moved);
+        let offset = self.setting.points[target as usize] - self.setting.points[position as usize];
+        let quadric = self.accumulated[position as usize].moved_by(offset);
+        self.accumulated[target as usize].add(quadric, 1.0);
+
+        self.evaluator.map_wedges(&self.mesh, &self.setting, target);
+        for i in 0..self.evaluator.mapping.len() {
+            let (from, to) = self.evaluator.mapping[i];
+            self.remove_wedge(from, Target::Wedge(to));
+        }
+        self.move_faces(target);
+        self.mesh.drop_list(position);
+        self.remove_unused_wedges();
+        self.close_group(phase);
+        self.look_again(target, phase);
+    }
+
+    fn remove_wedge(&mut self, wedge: u32, target: Target) {
+        self.wedge_gone[wedge as usize] = true;
+        self.order.moves.push((wedge, target));
+    }
+
+    /// Kills the ring's triangles at the target and hands the others over to it.
+    fn move_faces(&mut self, target: u32) {
+        self.killed_wedges.clear();
+        for i in 0..self.evaluator.faces.len() {
+            let face = self.evaluator.faces[i];
+            if face.touches(target) {
+                self.killed_wedges.extend(self.mesh.kill(face.triangle()));
+                self.order.removed.push(face.triangle());
+            }
+        }
+        for i in 0..self.evaluator.faces.len() {
+            let face = self.evaluator.faces[i];
+            let mapped = self.evaluator.mapping.iter().find(|entry| entry.0 == face.wedge);
+            if let (false, Some(&(_, to))) = (face.touches(target), mapped) {
+                self.mesh.repoint(face.corner, to);
+            }
+        }
+    }
+
+    /// Wedges that lost their last triangle leave in the same step.
+    fn remove_unused_wedges(&mut self) {
+        let mut killed = std::mem::take(&mut self.killed_wedges);
+        killed.sort_unstable();
+        killed.dedup();
+        for &wedge in &killed {
+            if self.mesh.wedge_corners[wedge as usize] > 0 || self.wedge_gone[wedge as usize] {
+                continue;
+            }
+            let position = self.mesh.wedge_position[wedge as usize];
+            let sibling = self.mesh.live_wedges(position).next();
+            self.remove_wedge(wedge, sibling.map_or(Target::Anywhere, Target::Wedge));
+        }
+        self.killed_wedges = killed;
+    }
+
+    fn close_group(&mut self, phase: Phase) {
+        self.order.groups.push(Group {
+            moves_end: self.order.moves.len(),
+            removed_end: self.order.removed.len(),
+            error: self.error * self.grid_steps,
+            phase,
+        });
+    }
+
+    /// The target has a new ring; neighbours that were stuck may be free now.
+    fn look_again(&mut self, target: u32, phase: Phase) {
+        let neighbours: Vec<u32> = self.evaluator.neighbour_positions().collect();
+        self.enqueue(target, phase);
+        for neighbour in neighbours {
+            if neighbour != target && !self.queue.contains(neighbour) {
+                self.enqueue(neighbour, phase);
+            }
+        }
+    }
+
+    /// The guard that stops most of the positions that are left.
+    fn common_stall(&mut self) -> Stall {
+        let mut counts = [0usize; 5];
+        for position in 0..self.mesh.position_count() as u32 {
+            if self.mesh.valence[position as usize] > 0
+                && let Err(stall) = self.evaluate(position, Phase::Strict)
+            {
+                counts[stall as usize] += 1;
+            }
+        }
+        let most = (1..counts.len() as u8).rev().max_by_key(|&cause| counts[cause as usize]).unwrap_or(0);
+        if counts[most as usize] == 0 { Stall::None } else { Stall::from_byte(most).unwrap_or_default() }
+    }
+
+    /// Removes connected pieces whole, the smallest first, until one is left. Pieces with locked positions stay.
+    fn vanish_pieces(&mut self) {
+        let mut pieces = self.pieces();
+        pieces.sort_by(|a, b| a.size.total_cmp(&b.size).then(a.positions[0].cmp(&b.positions[0])));
+        pieces.pop();
+        for piece in pieces.iter().filter(|piece| !piece.locked) {
+            self.error = self.error.max(0.5 * piece.size);
+            for &position in &piece.positions {
+                self.vanish(position);
+            }
+            self.close_group(Phase::Vanish);
+        }
+    }
+
+    fn vanish(&mut self, position: u32) {
+        for wedge in self.mesh.wedges_of(position) {
+            if !self.wedge_gone[wedge as usize] {
+                self.remove_wedge(wedge, Target::Anywhere);
+            }
+        }
+        let triangles: Vec<u32> = self.mesh.faces(position).map(|face| face.triangle()).collect();
+        for triangle in triangles {
+            self.mesh.kill(triangle);
+            self.order.removed.push(triangle);
+        }
+    }
+
+    fn pieces(&self) -> Vec<Piece> {
+        let mut seen = vec![false; self.mesh.position_count()];
+        let mut pieces = Vec::new();
+        for start in 0..self.mesh.position_count() as u32 {
+            if self.mesh.valence[start as usize] > 0 && !seen[start as usize] {
+                pieces.push(self.piece_around(start, &mut seen));
+            }
+        }
+        pieces
+    }
+
+    fn piece_around(&self, start: u32, seen: &mut [bool]) -> Piece {
+        let mut positions = vec![start];
+        seen[start as usize] = true;
+        let mut at = 0;
+        while at < positions.len() {
+            for face in self.mesh.faces(positions[at]) {
+                for other in face.positions {
+                    if !std::mem::replace(&mut seen[other as usize], true) {
+                        positions.push(other);
+                    }
+                }
+            }
+            at += 1;
+        }
+        let points = || positions.iter().map(|&p| self.setting.points[p as usize]);
+        let low = points().fold(Vec3::INFINITY, Vec3::min);
+        let high = points().fold(Vec3::NEG_INFINITY, Vec3::max);
+        let locked = positions.iter().any(|&p| self.setting.locked[p as usize]);
+        Piece { size: (high - low).length(), locked, positions }
+    }
+}
+
+/// A connected piece of what is left.
+struct Piece {
+    positions: Vec<u32>,
+    /// Its diagonal.
+    size: f32,
+    locked: bool,
+}

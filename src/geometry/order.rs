@@ -1,0 +1,124 @@
+//! A recorded sequence of collapses in, a part in collapse order out: Algorithm 1 of Peng & Cao 2012.
+//!
+//! The wedge that is removed first gets the last index. `ecol` is the sequence in those indices, `triangles_at` counts
+//! what each vertex brings back.
+
+use super::collapse::{CollapseOrder, Target};
+use super::record::VertexRecord;
+use super::triangles_at::TrianglesAt;
+use super::weld::WeldedMesh;
+
+/// A mesh whose vertices and triangles are numbered so that the last is the first to be removed.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OrderedMesh {
+    /// The wedges, now vertices, in collapse order.
+    pub vertices: Vec<VertexRecord>,
+    /// The number of the wedge in the welded mesh that each vertex was.
+    pub source_wedge: Vec<u32>,
+    /// A number per vertex that is the same exactly for vertices of one position.
+    pub position_of: Vec<u32>,
+    /// The vertex that each one collapses onto; itself if it never does.
+    pub ecol: Vec<u32>,
+    /// Triangles in collapse order with the finest indices.
+    pub triangles: Vec<[u32; 3]>,
+    /// Triangles left at each vertex count.
+    pub triangles_at: TrianglesAt,
+    /// Vertices left in the coarsest state.
+    pub locked: u32,
+    /// The states that collapses end in, finest first, as (vertex count, error in grid steps).
+    pub state_errors: Vec<(u32, f32)>,
+}
+
+/// Re-arranges a mesh by its collapse order.
+pub fn arrange(mesh: &WeldedMesh, order: &CollapseOrder) -> OrderedMesh {
+    let permute_vertices = permutation(mesh.wedges.len(), order.moves.iter().map(|&(wedge, _)| wedge));
+    let permute_triangles = permutation(mesh.triangles.len(), order.removed.iter().copied());
+    let locked = mesh.wedges.len() - order.moves.len();
+
+    let mut ecol: Vec<u32> = (0..mesh.wedges.len() as u32).collect();
+    for &(wedge, target) in &order.moves {
+        ecol[permute_vertices[wedge as usize] as usize] = match target {
+            Target::Wedge(to) => permute_vertices[to as usize],
+            // Vertex 0 is there in every state.
+            Target::Anywhere => 0,
+        };
+    }
+    let mut source_wedge = vec![0; mesh.wedges.len()];
+    for (wedge, &vertex) in permute_vertices.iter().enumerate() {
+        source_wedge[vertex as usize] = wedge as u32;
+    }
+    let mut triangles = vec![[0; 3]; mesh.triangles.len()];
+    for (triangle, &place) in mesh.triangles.iter().zip(&permute_triangles) {
+        triangles[place as usize] = triangle.map(|wedge| permute_vertices[wedge as usize]);
+    }
+    OrderedMesh {
+        vertices: source_wedge.iter().map(|&wedge| mesh.wedges[wedge as usize]).collect(),
+        position_of: source_wedge.iter().map(|&wedge| mesh.wedge_position[wedge as usize]).collect(),
+        source_wedge,
+        ecol,
+        triangles,
+        triangles_at: triangles_at(mesh, order, locked),
+        locked: locked as u32,
+        state_errors: state_errors(mesh.wedges.len(), order),
+    }
+}
+
+/// The new number of every element: the first removed is the last, what is never removed keeps its order at the front.
+fn permutation(count: usize, removed: impl Iterator<Item = u32>) -> Vec<u32> {
+    let mut place = vec![u32::MAX; count];
+    let mut last = count as u32;
+    for element in removed {
+        last -= 1;
+        place[element as usize] = last;
+    }
+    let stay = place.iter_mut().filter(|place| **place == u32::MAX);
+    stay.enumerate().for_each(|(number, place)| *place = number as u32);
+    place
+}
+
+fn triangles_at(mesh: &WeldedMesh, order: &CollapseOrder, locked: usize) -> TrianglesAt {
+    let coarsest = (mesh.triangles.len() - order.removed.len()) as u32;
+    let mut added = Vec::with_capacity(mesh.wedges.len());
+    push_group(&mut added, locked, coarsest);
+    for (i, group) in order.groups.iter().enumerate().rev() {
+        let (moves_start, removed_start) =
+            if i == 0 { (0, 0) } else { (order.groups[i - 1].moves_end, order.groups[i - 1].removed_end) };
+        push_group(&mut added, group.moves_end - moves_start, (group.removed_end - removed_start) as u32);
+    }
+    TrianglesAt::from_added(added)
+}
+
+fn push_group(added: &mut Vec<Option<u32>>, vertices: usize, triangles: u32) {
+    if vertices > 0 {
+        added.resize(added.len() + vertices - 1, None);
+        added.push(Some(triangles));
+    }
+}
+
+fn state_errors(vertices: usize, order: &CollapseOrder) -> Vec<(u32, f32)> {
+    let whole = (vertices as u32, 0.0);
+    let after = order.groups.iter().map(|group| ((vertices - group.moves_end) as u32, group.error));
+    std::iter::once(whole).chain(after).collect()
+}
+
+impl OrderedMesh {
+    /// Walks `ecol` until below `vn` (the paper's Algorithm 4, Collapsing).
+    pub fn resolve(&self, mut vertex: u32, vn: u32) -> u32 {
+        while vertex >= vn {
+            vertex = self.ecol[vertex as usize];
+        }
+        vertex
+    }
+
+    /// The triangles that are left at the state of `vn` vertices, reformed.
+    pub fn reformed(&self, vn: u32) -> Vec<[u32; 3]> {
+        let count = self.triangles_at.count_at(vn as usize) as usize;
+        self.triangles[..count].iter().map(|t| t.map(|vertex| self.resolve(vertex, vn))).collect()
+    }
+
+    /// The error, in grid steps, of the finest state with at most `vn` vertices.
+    pub fn error_at(&self, vn: u32) -> f32 {
+        let state = self.state_errors.partition_point(|&(count, _)| count > vn);
+        self.state_errors.get(state).or(self.state_errors.last()).map_or(0.0, |&(_, error)| error)
+    }
+}

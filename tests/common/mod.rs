@@ -1,0 +1,107 @@
+//! What several tests share: generated meshes and the folder of real models.
+#![allow(dead_code, reason = "each test uses some of it")]
+
+use std::path::PathBuf;
+
+use collapsar::import::SourceMesh;
+
+/// The folder of real models, where there is one.
+pub fn datasets() -> Option<PathBuf> {
+    let folder = std::env::var_os("COLLAPSAR_DATASETS")
+        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/datasets"), PathBuf::from);
+    if folder.join("gltf").is_dir() {
+        return Some(folder);
+    }
+    eprintln!("skipped: no real models at hand (set COLLAPSAR_DATASETS to their folder)");
+    None
+}
+
+/// The project's own models.
+pub fn bundled(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("datasets").join(name)
+}
+
+/// A sphere of `rings` x `segments` with smooth normals, closed but for the shared poles.
+pub fn sphere(rings: u32, segments: u32) -> SourceMesh {
+    let mut mesh = SourceMesh { name: "sphere".into(), ..SourceMesh::default() };
+    for r in 0..=rings {
+        for s in 0..segments {
+            let (theta, phi) = (
+                std::f32::consts::PI * r as f32 / rings as f32,
+                std::f32::consts::TAU * s as f32 / segments as f32,
+            );
+            let n = [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()];
+            mesh.positions.push(n);
+            mesh.normals.push(n);
+        }
+    }
+    for r in 0..rings {
+        for s in 0..segments {
+            let at = |r: u32, s: u32| r * segments + s % segments;
+            if r > 0 {
+                mesh.triangles.push([at(r, s), at(r + 1, s), at(r, s + 1)]);
+            }
+            if r + 1 < rings {
+                mesh.triangles.push([at(r, s + 1), at(r + 1, s), at(r + 1, s + 1)]);
+            }
+        }
+    }
+    mesh
+}
+
+/// A box of six patches, each a grid of `n` x `n` quads with its own vertices and normals, as CAD exporters write it.
+pub fn patched_box(n: u32) -> SourceMesh {
+    let mut mesh = SourceMesh { name: "box".into(), ..SourceMesh::default() };
+    for axis in 0..3 {
+        for side in [0.0f32, 1.0] {
+            let base = mesh.positions.len() as u32;
+            for i in 0..=n {
+                for j in 0..=n {
+                    let mut p = [0.0; 3];
+                    p[axis] = side;
+                    p[(axis + 1) % 3] = i as f32 / n as f32;
+                    p[(axis + 2) % 3] = j as f32 / n as f32;
+                    let mut normal = [0.0; 3];
+                    normal[axis] = if side > 0.0 { 1.0 } else { -1.0 };
+                    mesh.positions.push(p);
+                    mesh.normals.push(normal);
+                }
+            }
+            for i in 0..n {
+                for j in 0..n {
+                    let at = |i: u32, j: u32| base + i * (n + 1) + j;
+                    let (mut a, mut b) = (
+                        [at(i, j), at(i + 1, j), at(i + 1, j + 1)],
+                        [at(i, j), at(i + 1, j + 1), at(i, j + 1)],
+                    );
+                    if side == 0.0 {
+                        a.swap(1, 2);
+                        b.swap(1, 2);
+                    }
+                    mesh.triangles.extend([a, b]);
+                }
+            }
+        }
+    }
+    mesh
+}
+
+/// An open height field of `n` x `n` quads with bumps.
+pub fn height_field(n: u32) -> SourceMesh {
+    let mut mesh = SourceMesh { name: "field".into(), ..SourceMesh::default() };
+    for i in 0..=n {
+        for j in 0..=n {
+            let (x, y) = (i as f32 / n as f32, j as f32 / n as f32);
+            mesh.positions.push([x, y, 0.1 * (9.0 * x).sin() * (7.0 * y).cos()]);
+            mesh.normals.push([0.0, 0.0, 1.0]);
+        }
+    }
+    for i in 0..n {
+        for j in 0..n {
+            let at = |i: u32, j: u32| i * (n + 1) + j;
+            mesh.triangles.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
+            mesh.triangles.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
+        }
+    }
+    mesh
+}

@@ -9,5 +9,7 @@
 //! The words are those of Peng & Cao 2012, *A GPU-based Approach for Massive Model Rendering with Frame-to-Frame
 //! Coherence*; `docs/architecture.md` lists them.
 
+pub mod container;
 pub mod geometry;
 pub mod import;
+pub mod scene;

@@ -11,3 +11,4 @@
 
 pub mod geometry;
 pub mod import;
+pub mod scene;

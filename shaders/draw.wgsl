@@ -150,8 +150,8 @@ fn facing_normal(normal: vec3<f32>, facet: vec3<f32>, to_eye: vec3<f32>) -> vec3
 fn light(base: vec3<f32>, n: vec3<f32>, to_eye: vec3<f32>) -> vec3<f32> {
     let key = max(dot(n, frame.to_key), 0.0);
     let rim = max(dot(n, frame.to_rim), 0.0);
-    let sky = mix(vec3<f32>(0.20, 0.19, 0.185), vec3<f32>(0.42, 0.46, 0.52), 0.5 + 0.5 * n.y);
-    let diffuse = sky + vec3<f32>(0.66, 0.63, 0.58) * key + vec3<f32>(0.10, 0.13, 0.17) * rim;
+    let sky = mix(vec3<f32>(0.23, 0.22, 0.215), vec3<f32>(0.42, 0.46, 0.52), 0.5 + 0.5 * n.y);
+    let diffuse = sky + vec3<f32>(0.78, 0.75, 0.70) * key + vec3<f32>(0.10, 0.13, 0.17) * rim;
     let half_way = normalize(frame.to_key + to_eye);
     let gloss = 0.16 * pow(max(dot(n, half_way), 0.0), 48.0);
     let grazing = pow(1.0 - clamp(dot(n, to_eye), 0.0, 1.0), 5.0);

@@ -14,3 +14,4 @@ pub mod gpu;
 pub mod import;
 pub mod passes;
 pub mod scene;
+pub mod stats;

@@ -1,5 +1,7 @@
 //! The draw pass on a real adapter: pixels of hand-made cubes, near the origin and ten thousand kilometres away.
 
+#![expect(clippy::unwrap_used, reason = "a test may end where its set-up fails")]
+
 use collapsar::geometry::{Grid, VertexRecord, quantize};
 use collapsar::gpu::target::{Target, TargetError};
 use collapsar::gpu::testing::{self, TestDevice};

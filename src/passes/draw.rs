@@ -56,7 +56,7 @@ impl FrameUniform {
             eye_high,
             mode: mode as u32,
             eye_low,
-            to_key: towards(-0.45, 0.65, 0.75),
+            to_key: towards(-0.3, 0.6, 0.95),
             to_rim: towards(0.85, 0.15, -0.35),
             unused_0: 0,
             unused_1: 0,

@@ -10,7 +10,7 @@ mod keyframes;
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 
 use super::Bounds;
 use super::camera::{Camera, DEFAULT_VERTICAL_FOV_RADIANS, orientation};
@@ -193,7 +193,7 @@ impl Stage {
         let inside = self.random_point(view, 0);
         let around = self.direction(TAU * random(view, 3), 1.4 * (random(view, 4) - 0.3))
             * (self.diagonal * (0.45 + 0.55 * random(view, 5)));
-        let offset = if view % 2 == 0 { around } else { inside };
+        let offset = if view.is_multiple_of(2) { around } else { inside };
         let direction = self.random_point(view, 6) * 0.6 - offset;
         let usable = direction.length() > 1e-6 * self.diagonal;
         self.camera(offset, if usable { direction } else { self.long })
@@ -217,7 +217,7 @@ fn random(view: u64, which: u64) -> f64 {
 
 /// The angle between two orientations' directions of view, in degrees, precise for small ones.
 #[cfg(test)]
-fn turn_degrees(a: DQuat, b: DQuat) -> f64 {
+fn turn_degrees(a: glam::DQuat, b: glam::DQuat) -> f64 {
     let [a, b] = [a, b].map(|q| q * DVec3::NEG_Z);
     a.cross(b).length().atan2(a.dot(b)).to_degrees()
 }

@@ -11,5 +11,9 @@
 
 pub mod container;
 pub mod geometry;
+pub mod gpu;
 pub mod import;
 pub mod scene;
+pub mod passes;
+pub mod scene;
+pub mod stats;

@@ -1,0 +1,4 @@
+//! Everything that talks to the graphics API outside the passes.
+
+pub mod target;
+pub mod testing;

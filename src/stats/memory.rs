@@ -1,0 +1,26 @@
+//! How much memory the process has taken at most.
+
+/// The peak resident size of this process in bytes, from `VmHWM` of `/proc/self/status`; `None` where there is none.
+pub fn peak_resident_bytes() -> Option<u64> {
+    parse_peak(&std::fs::read_to_string("/proc/self/status").ok()?)
+}
+
+fn parse_peak(status: &str) -> Option<u64> {
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_peak_is_parsed() {
+        assert_eq!(parse_peak("VmPeak:\t  9 kB\nVmHWM:\t   12 kB\n"), Some(12 * 1024));
+        assert_eq!(parse_peak("VmHWM:\t 99999999999999999999 kB"), None);
+        assert_eq!(parse_peak(""), None);
+        if cfg!(target_os = "linux") {
+            assert!(peak_resident_bytes().unwrap() > 1 << 20);
+        }
+    }
+}

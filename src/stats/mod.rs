@@ -1,0 +1,8 @@
+//! What a flight counts, and how it is told: one record per frame in, CSV, a summary and the table of the paper out.
+
+pub mod counters;
+pub mod memory;
+pub mod report;
+
+pub use counters::FrameRecord;
+pub use report::Summary;

@@ -1,0 +1,234 @@
+//! Frame records in; CSV, the summary of a flight, and Table 1 of Peng & Cao 2012 out.
+
+pub mod human;
+mod table;
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+
+use serde::{Deserialize, Serialize};
+
+use super::FrameRecord;
+pub use table::comparison_table;
+
+/// Writes the header and one line per record.
+///
+/// # Errors
+/// Those of the writer.
+pub fn write_csv(mut to: impl Write, records: &[FrameRecord]) -> io::Result<()> {
+    writeln!(to, "{}", FrameRecord::COLUMNS.join(","))?;
+    for record in records {
+        writeln!(to, "{}", record.values().join(","))?;
+    }
+    to.flush()
+}
+
+/// What a summary says besides the numbers of its frames.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct Flight {
+    /// The adapter's name and driver; the CPU reference says so here.
+    pub adapter: String,
+    /// `coherent`, `whole` or `per-part`.
+    pub strategy: String,
+    /// `cpu` or `gpu`.
+    pub select: String,
+    /// The camera path, a name or a file.
+    pub path: String,
+    /// Width of the picture in pixels.
+    pub width: u32,
+    /// Height of the picture in pixels.
+    pub height: u32,
+    /// The vertices that a frame may spend.
+    pub budget_vertices: u64,
+    /// A hash over the index content of every frame, in hexadecimal.
+    pub index_hash: String,
+    /// The same over the vertex content.
+    pub vertex_hash: String,
+    /// Whether GPU stages were measured by timestamps on the GPU; otherwise by the CPU around a wait.
+    pub gpu_timestamps: bool,
+}
+
+/// The summary of one flight, as in `summary.json`. `_mean` is over frames, `stage_ms` means by stage.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// What was flown, and how.
+    #[serde(flatten)]
+    pub flight: Flight,
+    /// How many frames.
+    pub frames: u64,
+    /// Triangles drawn.
+    pub active_triangles_mean: f64,
+    /// Vertices drawn.
+    pub active_vertices_mean: f64,
+    /// Triangles sent.
+    pub streamed_triangles_mean: f64,
+    /// Vertices sent.
+    pub streamed_vertices_mean: f64,
+    /// Bytes sent in all.
+    pub bytes_sent_total: u64,
+    /// What strategy `whole` would have sent in all.
+    pub bytes_whole_total: u64,
+    /// What strategy `per-part` would have sent in all.
+    pub bytes_per_part_total: u64,
+    /// `bytes_whole_total` over `bytes_sent_total`; `null` where nothing was sent.
+    pub transfer_saving: Option<f64>,
+    /// The median frame.
+    pub frame_ms_p50: f64,
+    /// The slowest frame in a hundred.
+    pub frame_ms_p99: f64,
+    /// The mean frame.
+    pub frame_ms_mean: f64,
+    /// Mean milliseconds by stage.
+    pub stage_ms: BTreeMap<String, f64>,
+    /// Parts whose granted state had not arrived, in all frames.
+    pub misses_total: u64,
+    /// Bytes read from disk in all.
+    pub disk_bytes_total: u64,
+    /// Compute passes in all.
+    pub compute_passes_total: u64,
+    /// The most GPU memory in use.
+    pub gpu_bytes_peak: u64,
+    /// The most payload held in memory.
+    pub resident_bytes_peak: u64,
+    /// The peak resident size of the process, where the system tells.
+    pub peak_rss_bytes: Option<u64>,
+}
+
+impl Summary {
+    /// Sums up a flight.
+    pub fn new(flight: Flight, records: &[FrameRecord]) -> Self {
+        let total = |field: fn(&FrameRecord) -> u64| {
+            records.iter().fold(0u64, |sum, record| sum.saturating_add(field(record)))
+        };
+        let mean = |field: fn(&FrameRecord) -> u64| total(field) as f64 / records.len().max(1) as f64;
+        let peak = |field: fn(&FrameRecord) -> u64| records.iter().map(field).max().unwrap_or(0);
+        let frame_ms: Vec<f64> = records.iter().map(|record| record.frame_ms).collect();
+        let (sent, whole) = (total(|r| r.bytes_sent), total(|r| r.bytes_whole));
+        Self {
+            flight,
+            frames: records.len() as u64,
+            active_triangles_mean: mean(|r| r.active_triangles),
+            active_vertices_mean: mean(|r| r.active_vertices),
+            streamed_triangles_mean: mean(|r| r.streamed_triangles),
+            streamed_vertices_mean: mean(|r| r.streamed_vertices),
+            bytes_sent_total: sent,
+            bytes_whole_total: whole,
+            bytes_per_part_total: total(|r| r.bytes_per_part),
+            transfer_saving: (sent > 0).then(|| whole as f64 / sent as f64),
+            frame_ms_p50: percentile(&frame_ms, 50.0),
+            frame_ms_p99: percentile(&frame_ms, 99.0),
+            frame_ms_mean: frame_ms.iter().sum::<f64>() / records.len().max(1) as f64,
+            stage_ms: stage_means(records),
+            misses_total: total(|r| r.misses),
+            disk_bytes_total: total(|r| r.disk_bytes),
+            compute_passes_total: total(|r| r.compute_passes),
+            gpu_bytes_peak: peak(|r| r.gpu_bytes),
+            resident_bytes_peak: peak(|r| r.resident_bytes),
+            peak_rss_bytes: super::memory::peak_resident_bytes(),
+        }
+    }
+
+    /// Mean milliseconds of a stage; zero for one that is not known.
+    pub fn stage(&self, name: &str) -> f64 {
+        self.stage_ms.get(name).copied().unwrap_or(0.0)
+    }
+}
+
+fn stage_means(records: &[FrameRecord]) -> BTreeMap<String, f64> {
+    let frames = records.len().max(1) as f64;
+    let mut means: BTreeMap<String, f64> =
+        FrameRecord::default().stages_ms().map(|(stage, zero)| (stage.to_owned(), zero)).into();
+    for (stage, ms) in records.iter().flat_map(FrameRecord::stages_ms) {
+        *means.entry(stage.to_owned()).or_default() += ms / frames;
+    }
+    means
+}
+
+/// The nearest-rank percentile (`percent` from 0 to 100): the least value that at least that share does not exceed.
+/// Zero for no values.
+pub fn percentile(values: &[f64], percent: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let rank = (percent / 100.0 * sorted.len() as f64).ceil() as usize;
+    sorted.get(rank.saturating_sub(1).min(sorted.len().saturating_sub(1))).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn records() -> Vec<FrameRecord> {
+        (0..4)
+            .map(|frame| FrameRecord {
+                frame,
+                active_triangles: 10 * frame,
+                bytes_sent: 5,
+                bytes_whole: 50,
+                draw_ms: frame as f64,
+                frame_ms: 10.0 - frame as f64,
+                gpu_bytes: frame,
+                ..Default::default()
+            })
+            .collect()
+    }
+
+    #[test]
+    fn csv_has_a_header_and_a_line_per_frame() {
+        let mut text = Vec::new();
+        write_csv(&mut text, &records()).unwrap();
+        let text = String::from_utf8(text).unwrap();
+        let lines: Vec<_> = text.lines().collect();
+        assert!(lines[0].starts_with("frame,instances_visible,instances_culled,active_vertices,"));
+        assert_eq!(lines.len(), 5);
+        assert!(lines.iter().all(|line| line.split(',').count() == FrameRecord::COLUMNS.len()));
+    }
+
+    #[test]
+    fn percentiles_are_nearest_ranks() {
+        let values: Vec<f64> = (1..=100).rev().map(f64::from).collect();
+        assert_eq!([0.0, 50.0, 99.0, 100.0].map(|p| percentile(&values, p)), [1.0, 50.0, 99.0, 100.0]);
+        assert_eq!(percentile(&[], 50.0), 0.0);
+        assert_eq!(percentile(&[7.0], 99.0), 7.0);
+    }
+
+    #[test]
+    fn summaries_add_up_and_keep_the_promised_names() {
+        let summary = Summary::new(Flight::default(), &records());
+        assert_eq!(summary.transfer_saving, Some(10.0));
+        assert_eq!((summary.active_triangles_mean, summary.gpu_bytes_peak), (15.0, 3));
+        assert_eq!((summary.stage("draw"), summary.frame_ms_p50), (1.5, 8.0));
+        let json = serde_json::to_value(&summary).unwrap();
+        for key in [
+            "adapter",
+            "strategy",
+            "frames",
+            "budget_vertices",
+            "active_triangles_mean",
+            "active_vertices_mean",
+            "bytes_sent_total",
+            "bytes_whole_total",
+            "transfer_saving",
+            "frame_ms_p50",
+            "frame_ms_p99",
+            "stage_ms",
+            "gpu_bytes_peak",
+            "resident_bytes_peak",
+            "index_hash",
+            "vertex_hash",
+            "width",
+            "height",
+            "path",
+            "select",
+        ] {
+            assert!(json.get(key).is_some(), "{key}");
+        }
+        assert_eq!(serde_json::from_value::<Summary>(json).unwrap(), summary);
+    }
+
+    #[test]
+    fn a_flight_of_no_frames_divides_by_nothing() {
+        let summary = Summary::new(Flight::default(), &[]);
+        assert_eq!((summary.frames, summary.transfer_saving, summary.frame_ms_p99), (0, None, 0.0));
+        assert!(summary.active_triangles_mean == 0.0);
+    }
+}

@@ -10,4 +10,7 @@
 //! Coherence*; `docs/architecture.md` lists them.
 
 pub mod geometry;
+pub mod gpu;
 pub mod import;
+pub mod passes;
+pub mod reference;

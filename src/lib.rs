@@ -17,3 +17,5 @@ pub mod scene;
 pub mod passes;
 pub mod scene;
 pub mod stats;
+pub mod passes;
+pub mod reference;

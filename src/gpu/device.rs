@@ -1,0 +1,275 @@
+//! An adapter is chosen, a device comes out, and whatever goes wrong on it later becomes a [`GpuError`].
+//!
+//! wgpu reports most errors after the call that caused them. They are collected here, and [`Gpu::check`], which every
+//! submission and readback ends with, hands out the first one.
+
+use std::sync::Arc;
+
+use parking_lot::Mutex;
+use wgpu::util::DeviceExt;
+
+/// The environment variable with a part of the wanted adapter's name.
+pub const ADAPTER_VARIABLE: &str = "COLLAPSAR_ADAPTER";
+
+/// What went wrong on the graphics card.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum GpuError {
+    /// There is no adapter at all.
+    #[error(
+        "no graphics adapter: install a Vulkan driver (software will do: Debian package mesa-vulkan-drivers), \
+         or check that VK_DRIVER_FILES names one that exists ({0})"
+    )]
+    NoAdapter(String),
+    /// No adapter has the wanted name.
+    #[error(
+        "no graphics adapter is called like `{wanted}`: set {ADAPTER_VARIABLE} to a part of one of: {found}"
+    )]
+    NoSuchAdapter {
+        /// What was asked for.
+        wanted: String,
+        /// The names that there are, separated by commas.
+        found: String,
+    },
+    /// The adapter lacks what the passes need.
+    #[error(
+        "the graphics adapter `{adapter}` cannot be used: {reason}; choose another with {ADAPTER_VARIABLE}"
+    )]
+    Unsuitable {
+        /// Its name.
+        adapter: String,
+        /// What it lacks.
+        reason: String,
+    },
+    /// A buffer would be larger than the adapter allows.
+    #[error(
+        "buffer `{label}` of {size_bytes} bytes is above the adapter's limit of {limit_bytes} bytes: lower the budget"
+    )]
+    TooLarge {
+        /// The buffer.
+        label: String,
+        /// Its size.
+        size_bytes: u64,
+        /// What is allowed.
+        limit_bytes: u64,
+    },
+    /// The card has no memory left.
+    #[error("out of GPU memory: lower the budget")]
+    OutOfMemory,
+    /// The device is gone.
+    #[error(
+        "the graphics device was lost: {0}; start again, with a lower budget if it was reset for taking too long"
+    )]
+    Lost(String),
+    /// A call was wrong: a bug in this program.
+    #[error("a graphics call failed, which is a bug of this program: {0}")]
+    Invalid(String),
+}
+
+impl From<wgpu::Error> for GpuError {
+    fn from(error: wgpu::Error) -> Self {
+        match error {
+            wgpu::Error::OutOfMemory { .. } => Self::OutOfMemory,
+            wgpu::Error::Validation { .. } | wgpu::Error::Internal { .. } => Self::Invalid(error.to_string()),
+        }
+    }
+}
+
+/// Which adapter is wanted.
+#[derive(Debug, Clone, Default)]
+pub struct GpuOptions {
+    /// A part of its name, in any case of letters. `None`: what `COLLAPSAR_ADAPTER` says, else the fastest there is.
+    pub adapter: Option<String>,
+}
+
+/// A device and its queue. Cheap to share by reference; every call on it may come from any thread.
+#[derive(Debug)]
+pub struct Gpu {
+    /// The device.
+    pub device: wgpu::Device,
+    /// Its queue.
+    pub queue: wgpu::Queue,
+    /// The adapter's name, driver and kind.
+    pub adapter_info: wgpu::AdapterInfo,
+    /// What buffers and dispatches may be.
+    pub limits: wgpu::Limits,
+    /// Whether [`super::timer::Timer`] can measure.
+    pub timestamps: bool,
+    faults: Arc<Mutex<Faults>>,
+}
+
+/// What has gone wrong and was not handed out yet; a lost device stays lost.
+#[derive(Debug, Default)]
+struct Faults {
+    first: Option<GpuError>,
+    lost: Option<GpuError>,
+}
+
+impl Gpu {
+    /// Opens an adapter without a window.
+    ///
+    /// The device gets the adapter's own limits for buffers and bindings, WebGPU's defaults for the rest, and timestamp
+    /// queries where the adapter has them.
+    ///
+    /// # Errors
+    /// [`GpuError::NoAdapter`], [`GpuError::NoSuchAdapter`] or [`GpuError::Unsuitable`].
+    pub fn new(options: &GpuOptions) -> Result<Self, GpuError> {
+        pollster::block_on(Self::open(options))
+    }
+
+    async fn open(options: &GpuOptions) -> Result<Self, GpuError> {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        let adapter = choose_adapter(&instance, options).await?;
+        let adapter_info = adapter.get_info();
+        let timestamps = adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+        let (device, queue) =
+            adapter.request_device(&describe_device(&adapter, timestamps)).await.map_err(|error| {
+                GpuError::Unsuitable { adapter: adapter_info.name.clone(), reason: error.to_string() }
+            })?;
+        let faults = collect_faults(&device);
+        let limits = device.limits();
+        tracing::debug!(adapter = adapter_info.name, driver = adapter_info.driver_info, timestamps, "opened");
+        Ok(Self { device, queue, adapter_info, limits, timestamps, faults })
+    }
+
+    /// The most bytes that one storage buffer may have and still be bound as a whole.
+    pub fn storage_limit_bytes(&self) -> u64 {
+        self.limits.max_storage_buffer_binding_size.min(self.limits.max_buffer_size)
+    }
+
+    /// Creates a buffer of at least `size_bytes`: rounded up to whole words, and never empty, so that it can be bound.
+    ///
+    /// # Errors
+    /// [`GpuError::TooLarge`] if the adapter allows no such buffer. That the memory is not there shows at the next
+    /// [`Gpu::check`].
+    pub fn buffer(
+        &self,
+        label: &str,
+        size_bytes: u64,
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, GpuError> {
+        let storage = usage.contains(wgpu::BufferUsages::STORAGE);
+        let limit_bytes = if storage { self.storage_limit_bytes() } else { self.limits.max_buffer_size };
+        let size = size_bytes.max(16).next_multiple_of(4);
+        if size > limit_bytes {
+            return Err(GpuError::TooLarge { label: label.to_owned(), size_bytes, limit_bytes });
+        }
+        Ok(self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size,
+            usage,
+            mapped_at_creation: false,
+        }))
+    }
+
+    /// Creates a storage buffer that can be copied from and to.
+    ///
+    /// # Errors
+    /// As [`Gpu::buffer`].
+    pub fn storage(&self, label: &str, size_bytes: u64) -> Result<wgpu::Buffer, GpuError> {
+        use wgpu::BufferUsages as Usage;
+        self.buffer(label, size_bytes, Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST)
+    }
+
+    /// A uniform buffer with this content.
+    pub fn uniform<T: bytemuck::Pod>(&self, label: &str, value: &T) -> wgpu::Buffer {
+        self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some(label),
+            contents: bytemuck::bytes_of(value),
+            usage: wgpu::BufferUsages::UNIFORM,
+        })
+    }
+
+    /// An encoder for commands.
+    pub fn encoder(&self, label: &str) -> wgpu::CommandEncoder {
+        self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) })
+    }
+
+    /// Submits what was recorded and does not wait.
+    ///
+    /// # Errors
+    /// The first error since the last check.
+    pub fn submit(&self, encoder: wgpu::CommandEncoder) -> Result<wgpu::SubmissionIndex, GpuError> {
+        let index = self.queue.submit([encoder.finish()]);
+        self.check()?;
+        Ok(index)
+    }
+
+    /// Waits until all that was submitted is done.
+    ///
+    /// # Errors
+    /// The first error since the last check.
+    pub fn wait(&self) -> Result<(), GpuError> {
+        let polled = self.device.poll(wgpu::PollType::wait_indefinitely());
+        self.check()?;
+        polled.map(drop).map_err(|error| GpuError::Lost(error.to_string()))
+    }
+
+    /// Hands out the first error since the last check, or that the device is lost.
+    ///
+    /// # Errors
+    /// That error.
+    pub fn check(&self) -> Result<(), GpuError> {
+        let mut faults = self.faults.lock();
+        let first = faults.first.take();
+        faults.lost.clone().or(first).map_or(Ok(()), Err)
+    }
+}
+
+/// The adapter that was asked for, or the fastest one.
+async fn choose_adapter(instance: &wgpu::Instance, options: &GpuOptions) -> Result<wgpu::Adapter, GpuError> {
+    let wanted = options.adapter.clone().or_else(|| std::env::var(ADAPTER_VARIABLE).ok());
+    if let Some(wanted) = wanted.filter(|name| !name.is_empty()) {
+        return adapter_called(instance, wanted).await;
+    }
+    let request = wgpu::RequestAdapterOptions {
+        power_preference: wgpu::PowerPreference::HighPerformance,
+        ..Default::default()
+    };
+    instance.request_adapter(&request).await.map_err(|error| GpuError::NoAdapter(error.to_string()))
+}
+
+/// The first adapter with `wanted` in its name.
+async fn adapter_called(instance: &wgpu::Instance, wanted: String) -> Result<wgpu::Adapter, GpuError> {
+    let adapters = instance.enumerate_adapters(wgpu::Backends::all()).await;
+    if adapters.is_empty() {
+        return Err(GpuError::NoAdapter(format!("while looking for `{wanted}`")));
+    }
+    let name = |adapter: &wgpu::Adapter| adapter.get_info().name;
+    let found = adapters.iter().map(name).collect::<Vec<_>>().join(", ");
+    let fits = |adapter: &wgpu::Adapter| name(adapter).to_lowercase().contains(&wanted.to_lowercase());
+    adapters.into_iter().find(fits).ok_or(GpuError::NoSuchAdapter { wanted, found })
+}
+
+fn describe_device(adapter: &wgpu::Adapter, timestamps: bool) -> wgpu::DeviceDescriptor<'static> {
+    let own = adapter.limits();
+    let timing = if timestamps { wgpu::Features::TIMESTAMP_QUERY } else { wgpu::Features::empty() };
+    wgpu::DeviceDescriptor {
+        label: Some("collapsar"),
+        required_features: timing,
+        required_limits: wgpu::Limits {
+            max_buffer_size: own.max_buffer_size,
+            max_storage_buffer_binding_size: own.max_storage_buffer_binding_size,
+            max_storage_buffers_per_shader_stage: own.max_storage_buffers_per_shader_stage,
+            max_texture_dimension_2d: own.max_texture_dimension_2d,
+            ..wgpu::Limits::default()
+        },
+        ..Default::default()
+    }
+}
+
+/// Has the device keep its first error, and its loss, instead of panicking.
+fn collect_faults(device: &wgpu::Device) -> Arc<Mutex<Faults>> {
+    let faults = Arc::new(Mutex::new(Faults::default()));
+    let kept = Arc::clone(&faults);
+    device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+        tracing::error!(%error, "graphics error");
+        kept.lock().first.get_or_insert_with(|| error.into());
+    }));
+    let kept = Arc::clone(&faults);
+    device.set_device_lost_callback(move |reason, message| {
+        if reason != wgpu::DeviceLostReason::Destroyed {
+            kept.lock().lost = Some(GpuError::Lost(message));
+        }
+    });
+    faults
+}

@@ -9,13 +9,19 @@
 //! The words are those of Peng & Cao 2012, *A GPU-based Approach for Massive Model Rendering with Frame-to-Frame
 //! Coherence*; `docs/architecture.md` lists them.
 
+pub mod bake;
 pub mod container;
+mod error;
+pub mod export;
+pub mod frame;
 pub mod geometry;
 pub mod gpu;
 pub mod import;
-pub mod scene;
-pub mod passes;
-pub mod scene;
-pub mod stats;
 pub mod passes;
 pub mod reference;
+pub mod scene;
+pub mod select;
+pub mod stats;
+pub mod stream;
+
+pub use error::Error;

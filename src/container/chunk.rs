@@ -111,7 +111,11 @@ impl<'a> ChunkView<'a> {
         Self::cut(spec, bytes)
     }
 
-    fn cut(spec: &ChunkSpec, bytes: &'a [u8]) -> Result<Self, ContainerError> {
+    /// Gives the slices of bytes that were parsed before, without checking their content again.
+    ///
+    /// # Errors
+    /// Bytes that are not as long as the row says, or not aligned to 4.
+    pub fn cut(spec: &ChunkSpec, bytes: &'a [u8]) -> Result<Self, ContainerError> {
         let added = spec.row.vertices.checked_sub(spec.vertices_below);
         let Some(added) = added.filter(|&added| spec.row.expected_bytes(added) == bytes.len() as u64) else {
             let problem = format!("its counts do not fit its {} bytes", bytes.len());

@@ -20,7 +20,7 @@ pub use chunk::{ChunkSpec, ChunkView};
 pub use format::{ChunkRow, InstanceRow, MaterialRow, NodeRow, PartRow, SectionKind};
 pub use reader::Container;
 pub use verify::{MAX_FINDINGS, VerifyReport, inspect, verify};
-pub use writer::{Contents, StoredInstance, StoredPart, Written, write};
+pub use writer::{Contents, StoredInstance, StoredPart, Written, check_destination, write};
 
 /// What may be wrong with a container, or with writing one.
 ///

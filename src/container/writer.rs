@@ -97,15 +97,26 @@ fn stop_if(cancelled: &AtomicBool) -> Result<(), ContainerError> {
     if cancelled.load(Ordering::Relaxed) { Err(ContainerError::Interrupted) } else { Ok(()) }
 }
 
-/// An empty file in the folder of `path`, which is deleted unless it is given that name.
-fn temporary_beside(path: &Path) -> Result<NamedTempFile, ContainerError> {
+/// Says early what would stop [`write`] late: an output that is a folder, or whose folder does not exist.
+///
+/// # Errors
+/// [`ContainerError::OutputIsFolder`], [`ContainerError::NoFolder`].
+pub fn check_destination(path: &Path) -> Result<(), ContainerError> {
     if path.is_dir() {
         return Err(ContainerError::OutputIsFolder { path: path.to_owned() });
     }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if !folder.is_dir() {
-        return Err(ContainerError::NoFolder { path: folder.to_owned() });
-    }
+    let folder = folder_of(path);
+    if folder.is_dir() { Ok(()) } else { Err(ContainerError::NoFolder { path: folder.to_owned() }) }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// An empty file in the folder of `path`, which is deleted unless it is given that name.
+fn temporary_beside(path: &Path) -> Result<NamedTempFile, ContainerError> {
+    check_destination(path)?;
+    let folder = folder_of(path);
     let mut builder = tempfile::Builder::new();
     builder.prefix(".collapsar-").suffix(".clps.part");
     // Temporary files are private by default, and this one becomes the user's own: let the umask decide, as usual.

@@ -1,16 +1,14 @@
-//! The GPU passes, one word each: the shader, the adapter here, the reference, the label, the timer and the test.
-
-pub mod draw;
-//! The compute passes of a frame: buffers in, buffers out, each recorded into a compute pass of the caller.
+//! The passes of a frame: buffers in, buffers out, each recorded into a pass of the caller.
 //!
 //! In the order of a frame: [`select`] wishes budgets; [`grant`] takes those that were granted; [`prefix_sum`] makes
-//! start lists of them; [`defragment`] builds the active buffers; [`reform`] the index buffer. Each has its
+//! start lists of them; [`defragment`] builds the active buffers; [`reform`] the index buffer; [`draw`] draws it. Each compute pass has its
 //! counterpart of the same name in [`crate::reference`], its kernels in `shaders/`, and its cases in `tests/passes.rs`.
 
 use crate::gpu::shader::Shader;
 use crate::gpu::{Gpu, GpuError};
 
 pub mod defragment;
+pub mod draw;
 pub mod grant;
 pub mod prefix_sum;
 pub mod reform;

@@ -1,12 +1,17 @@
-//! The file opened: [`mapped`] holds the one piece of `unsafe` code of the project.
-
-pub mod mapped;
-//! What is looked at, and from where: the bounds, the camera, and the paths along which it flies.
+//! The model opened, and from where it is looked at.
+//!
+//! [`mapped`] is the file in the address space (the one room with `unsafe`); [`opened`] its tables as a [`Scene`];
+//! [`part`] what has arrived of one part; [`bounds`], [`camera`] and [`camera_path`] say where everything is and how
+//! one flies through it.
 
 pub mod bounds;
 pub mod camera;
 pub mod camera_path;
+pub mod mapped;
+pub mod opened;
+pub mod part;
 
 pub use bounds::Bounds;
 pub use camera::Camera;
 pub use camera_path::CameraPath;
+pub use opened::{InstanceBox, Scene, SceneError};

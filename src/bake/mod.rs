@@ -1,0 +1,188 @@
+//! Input files in, a container and a [`BakeReport`] out.
+//!
+//! The way: import -> normals where there are none -> [`order_part`] for every part in parallel, the largest first so
+//! that no core waits for one at the end -> container. The bytes written do not depend on the number of threads.
+
+mod report;
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use crate::container::{self, ContainerError, Contents, StoredInstance, StoredPart};
+use crate::geometry::Boundary;
+use crate::geometry::normals::{CREASE_DEGREES, by_crease_angle};
+use crate::geometry::part::{PartOutcome, order_part};
+use crate::import::{self, ImportError, Model, SourceMesh};
+
+pub use report::{BakeReport, StalledPart};
+
+/// Why a bake ended without a container.
+#[derive(Debug, thiserror::Error)]
+pub enum BakeError {
+    /// The input could not be read.
+    #[error(transparent)]
+    Import(#[from] ImportError),
+    /// Every triangle of the input is degenerate.
+    #[error("none of the {triangles} triangles has an area, so there is nothing to draw: {path}")]
+    NothingLeft {
+        /// How many triangles were read.
+        triangles: usize,
+        /// The first input.
+        path: PathBuf,
+    },
+    /// The container could not be written.
+    #[error(transparent)]
+    Container(#[from] ContainerError),
+    /// The worker threads could not be started.
+    #[error("cannot start {threads} worker threads: {source}")]
+    Threads {
+        /// How many were asked for.
+        threads: usize,
+        /// What the system said.
+        source: rayon::ThreadPoolBuildError,
+    },
+    /// The user asked to stop.
+    #[error("interrupted; nothing was written")]
+    Interrupted,
+}
+
+/// How to bake.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BakeOptions {
+    /// What may happen to open boundaries.
+    pub boundary: Boundary,
+    /// Where normals are missing, faces that meet at less than this angle are smooth.
+    pub crease_degrees: f32,
+    /// Worker threads; 0 for one a core.
+    pub threads: usize,
+}
+
+impl Default for BakeOptions {
+    fn default() -> Self {
+        Self { boundary: Boundary::default(), crease_degrees: CREASE_DEGREES, threads: 0 }
+    }
+}
+
+/// How far a bake has come, readable from another thread.
+#[derive(Debug, Default)]
+pub struct BakeProgress {
+    /// Triangles that are to be ordered; 0 until the input has been read.
+    pub triangles_total: AtomicU64,
+    /// Triangles that have been ordered.
+    pub triangles_done: AtomicU64,
+    /// Set by the user's side to stop the bake at the next part.
+    pub cancelled: AtomicBool,
+}
+
+impl BakeProgress {
+    fn check(&self) -> Result<(), BakeError> {
+        if self.cancelled.load(Ordering::Relaxed) { Err(BakeError::Interrupted) } else { Ok(()) }
+    }
+}
+
+/// Bakes input files into one container.
+///
+/// # Errors
+/// Whatever keeps the input from being read or the container from being written; then no file has the output's name
+/// that did not have it before.
+pub fn bake(
+    inputs: &[PathBuf],
+    output: &Path,
+    options: &BakeOptions,
+    progress: &BakeProgress,
+) -> Result<BakeReport, BakeError> {
+    let started = Instant::now();
+    container::check_destination(output)?;
+    let model = import::read(inputs)?;
+    let import_seconds = started.elapsed().as_secs_f64();
+    progress.check()?;
+    let outcomes = order_all(&model, options, progress)?;
+    let order_seconds = started.elapsed().as_secs_f64() - import_seconds;
+    let mut report = report::counted(&model, &outcomes);
+    let contents = assemble(model, outcomes);
+    if contents.parts.is_empty() {
+        let path = inputs.first().cloned().unwrap_or_default();
+        return Err(BakeError::NothingLeft { triangles: report.source_triangles as usize, path });
+    }
+    let written = match container::write(output, &contents, &progress.cancelled) {
+        Err(ContainerError::Interrupted) => return Err(BakeError::Interrupted),
+        other => other?,
+    };
+    report.finish(&contents, &written, [import_seconds, order_seconds, started.elapsed().as_secs_f64()]);
+    Ok(report)
+}
+
+/// Orders every mesh that an instance places; `None` for the others.
+fn order_all(
+    model: &Model,
+    options: &BakeOptions,
+    progress: &BakeProgress,
+) -> Result<Vec<Option<PartOutcome>>, BakeError> {
+    let mut placed = vec![false; model.meshes.len()];
+    for instance in &model.instances {
+        placed[instance.mesh as usize] = true;
+    }
+    let mut largest_first: Vec<usize> = (0..model.meshes.len()).filter(|&mesh| placed[mesh]).collect();
+    largest_first.sort_by_key(|&mesh| (std::cmp::Reverse(model.meshes[mesh].triangles.len()), mesh));
+    let total: usize = largest_first.iter().map(|&mesh| model.meshes[mesh].triangles.len()).sum();
+    progress.triangles_total.store(total as u64, Ordering::Relaxed);
+
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build();
+    let pool = pool.map_err(|source| BakeError::Threads { threads: options.threads, source })?;
+    let ordered: Result<Vec<(usize, PartOutcome)>, BakeError> = pool.install(|| {
+        largest_first
+            .par_iter()
+            .with_max_len(1)
+            .map(|&mesh| Ok((mesh, order_one(&model.meshes[mesh], options, progress)?)))
+            .collect()
+    });
+    let mut outcomes = vec![None; model.meshes.len()];
+    for (mesh, outcome) in ordered? {
+        outcomes[mesh] = Some(outcome);
+    }
+    Ok(outcomes)
+}
+
+fn order_one(
+    mesh: &SourceMesh,
+    options: &BakeOptions,
+    progress: &BakeProgress,
+) -> Result<PartOutcome, BakeError> {
+    progress.check()?;
+    let outcome = if mesh.normals.is_empty() {
+        let mut mesh = mesh.clone();
+        by_crease_angle(&mut mesh, options.crease_degrees);
+        order_part(&mesh, options.boundary)
+    } else {
+        order_part(mesh, options.boundary)
+    };
+    progress.triangles_done.fetch_add(mesh.triangles.len() as u64, Ordering::Relaxed);
+    Ok(outcome)
+}
+
+/// Numbers the parts (every cell of a cut part is one) and places them.
+fn assemble(model: Model, outcomes: Vec<Option<PartOutcome>>) -> Contents {
+    let mut parts = Vec::new();
+    let mut cells_of = Vec::with_capacity(outcomes.len());
+    let mut source = 0;
+    for (mesh, outcome) in model.meshes.into_iter().zip(outcomes) {
+        let cells = outcome.map_or_else(Vec::new, |outcome| outcome.cells);
+        let first = parts.len() as u32;
+        let cut = cells.len() > 1;
+        source += u32::from(!cells.is_empty());
+        for part in cells {
+            parts.push(StoredPart { part, name: mesh.name.clone(), source: source - 1, cell: cut });
+        }
+        cells_of.push(first..parts.len() as u32);
+    }
+    let place = |instance: &import::Instance| {
+        let (node, material, world_from_part) = (instance.node, instance.material, instance.world_from_part);
+        let cells = cells_of[instance.mesh as usize].clone();
+        cells.map(move |part| StoredInstance { part, node, material, world_from_part })
+    };
+    let instances = model.instances.iter().flat_map(place).collect();
+    Contents { parts, instances, nodes: model.nodes, materials: model.materials }
+}

@@ -1,0 +1,374 @@
+//! `collapsar fly`: a container and a camera path in; pictures, a record per frame and a summary out.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+use clap::Args;
+use collapsar::frame::{PassesOn, Renderer, Settings};
+use collapsar::gpu::{Gpu, GpuOptions};
+use collapsar::scene::{CameraPath, Scene};
+use collapsar::select::SelectOn;
+use collapsar::stats::report::{Flight, comparison_table, human, write_csv};
+use collapsar::stats::{FrameRecord, Summary};
+use collapsar::stream::Strategy;
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
+use xxhash_rust::xxh3::Xxh3;
+
+use super::{Failure, interrupt, output, values};
+
+/// Arguments of `fly`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    collapsar fly engine.clps --path orbit --png 10 --out flight\n  \
+    collapsar fly engine.clps --path walk --budget 200k --compare --out flight\n  \
+    collapsar fly engine.clps --path my_path.json --frames 600 --json\n\n\
+    A path file is a list of keyframes: [{\"frame\": 0, \"eye\": [x,y,z], \"target\": [x,y,z]}, ...], with \
+    \"up\" and \"fov_degrees\" where wanted.\n\n\
+    The output folder gets frames.csv (one line a frame), summary.json and the pictures; with --compare one folder \
+    a strategy and table.txt. Bytes, milliseconds and counts are what the names of the columns say.")]
+pub struct FlyArguments {
+    /// The container.
+    file: PathBuf,
+    /// Where the camera goes: orbit, walk (1/2000 of the diagonal and 0.1 degree a frame), through (the whole length
+    /// of the model), still, teleport (a random view every 10 frames), or a file of keyframes.
+    #[arg(long, default_value = "orbit", value_name = "orbit|walk|through|still|teleport|FILE.json")]
+    path: String,
+    /// How many frames.
+    #[arg(long, default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..=10_000_000))]
+    frames: u64,
+    /// Vertices to spend a frame (N); k and M work.
+    #[arg(long, default_value = "1M", value_parser = values::count, value_name = "VERTICES")]
+    budget: u32,
+    /// How data gets to the GPU: only what it lacks, all of it in one block, or all of it part by part.
+    #[arg(long, value_enum, default_value = "coherent")]
+    strategy: Strategy,
+    /// Fly with all strategies and print the paper's Table 1.
+    #[arg(long)]
+    compare: bool,
+    /// The picture's size in pixels.
+    #[arg(long, default_value = "1280x720", value_parser = values::size, value_name = "WxH")]
+    size: (u32, u32),
+    /// Samples a pixel.
+    #[arg(long, default_value = "4", value_parser = ["1", "4"])]
+    samples: String,
+    /// Where budgets are computed.
+    #[arg(long, value_enum, default_value = "gpu")]
+    select: SelectOn,
+    /// How active buffers are made contiguous.
+    #[arg(long, value_enum, default_value = "rebuild")]
+    defragment: Defragmentation,
+    /// Run the passes between upload and draw by their CPU references.
+    #[arg(long, value_enum)]
+    reference: Option<ReferenceOn>,
+    /// The paper's alpha: budgets grow with the projected area to the power of 1/alpha.
+    #[arg(long, default_value_t = 3.0, value_parser = values::positive)]
+    alpha: f64,
+    /// Spend no more on an instance than keeps its error below so many pixels; the budget stays the cap.
+    #[arg(long, value_name = "PIXELS", value_parser = values::positive)]
+    error: Option<f64>,
+    /// Send at most so many bytes of deltas a frame; what is over it comes in later frames.
+    #[arg(long, value_name = "BYTES", value_parser = values::bytes)]
+    upload_per_frame: Option<u64>,
+    /// Bytes of the largest GPU buffer; smaller than the adapter's own limit to try several batches.
+    #[arg(long, value_name = "BYTES", value_parser = values::bytes)]
+    batch_limit: Option<u64>,
+    /// Do not wait for the disk: draw what has arrived. Frames then depend on its speed.
+    #[arg(long)]
+    live: bool,
+    /// Do not read back and hash what is drawn (the hashes in the summary are then empty).
+    #[arg(long)]
+    no_hash: bool,
+    /// Write every so many frames a picture; 0 for none.
+    #[arg(long, default_value_t = 0, value_name = "EVERY")]
+    png: u64,
+    /// The folder for the output; made if its parent exists.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print the summary (with --compare: a list of three) as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// How active buffers are made contiguous.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Defragmentation {
+    /// Copy everything into the other buffer of a pair, as in the paper.
+    Rebuild,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum ReferenceOn {
+    /// The CPU.
+    Cpu,
+}
+
+/// Runs `fly`.
+pub fn run(arguments: &FlyArguments) -> Result<(), Failure> {
+    if arguments.png > 0 && arguments.out.is_none() {
+        return Err(Failure::Argument("--png needs a folder for the pictures: add --out DIR".to_owned()));
+    }
+    let path = CameraPath::parse(&arguments.path)?;
+    let scene = Arc::new(Scene::open(&arguments.file)?);
+    if let Some(folder) = &arguments.out {
+        output::make_folder(folder)?;
+    }
+    let gpu = Arc::new(Gpu::new(&GpuOptions::default())?);
+    let flight = FlightPlan {
+        path: &path,
+        frames: arguments.frames,
+        settings: settings(arguments),
+        hash: !arguments.no_hash,
+        png_every: arguments.png,
+    };
+    if arguments.compare {
+        let summaries = compare(&gpu, &scene, &flight, arguments.out.as_deref())?;
+        return if arguments.json {
+            output::print_json(&summaries)
+        } else {
+            output::print_text(&describe_comparison(&summaries))
+        };
+    }
+    let summary = fly(&gpu, &scene, &flight, arguments.out.as_deref())?;
+    if arguments.json { output::print_json(&summary) } else { output::print_text(&describe(&summary)) }
+}
+
+fn settings(arguments: &FlyArguments) -> Settings {
+    // The only kind so far; the match keeps the compiler honest when `incremental` comes.
+    let Defragmentation::Rebuild = arguments.defragment;
+    Settings {
+        budget_vertices: arguments.budget,
+        alpha: arguments.alpha as f32,
+        error_px: arguments.error.unwrap_or(0.0) as f32,
+        strategy: arguments.strategy,
+        // The reference run must not depend on a single shader.
+        select: if arguments.reference.is_some() { SelectOn::Cpu } else { arguments.select },
+        passes: if arguments.reference.is_some() { PassesOn::Reference } else { PassesOn::Gpu },
+        upload_limit_bytes: arguments.upload_per_frame,
+        batch_limit_bytes: arguments.batch_limit,
+        settle: !arguments.live,
+        width: arguments.size.0,
+        height: arguments.size.1,
+        samples: if arguments.samples == "1" { 1 } else { 4 },
+        ..Settings::default()
+    }
+}
+
+/// What is to be flown.
+pub struct FlightPlan<'a> {
+    /// The way of the camera.
+    pub path: &'a CameraPath,
+    /// How many frames.
+    pub frames: u64,
+    /// How to render.
+    pub settings: Settings,
+    /// Whether to read back and hash what is drawn.
+    pub hash: bool,
+    /// A picture every so many frames; 0 for none.
+    pub png_every: u64,
+}
+
+/// Flies once; with a folder, writes the records, the summary and the pictures there.
+pub fn fly(
+    gpu: &Arc<Gpu>,
+    scene: &Arc<Scene>,
+    plan: &FlightPlan<'_>,
+    folder: Option<&Path>,
+) -> Result<Summary, Failure> {
+    let mut renderer = Renderer::new(Arc::clone(gpu), Arc::clone(scene), plan.settings)?;
+    let mut records: Vec<FrameRecord> = Vec::new();
+    let mut hashes = Hashes::default();
+    let bar = progress_bar(plan);
+    for frame in 0..plan.frames {
+        if interrupt::flag().load(Ordering::Relaxed) {
+            return Err(Failure::Interrupted("the flight's numbers were not written"));
+        }
+        let camera = plan.path.camera(frame, plan.frames, scene.bounds());
+        let record = renderer.frame(&camera)?;
+        if plan.hash {
+            hashes.add(&renderer, record.compute_passes > 0 || record.bytes_sent > 0)?;
+        }
+        if let Some(folder) = folder.filter(|_| plan.png_every > 0 && frame.is_multiple_of(plan.png_every)) {
+            let file = folder.join(format!("frame_{frame:05}.png"));
+            renderer.target().save_png(&gpu.device, &gpu.queue, &file)?;
+        }
+        records.push(record);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let summary = Summary::new(description(gpu, plan, &hashes), &records);
+    if let Some(folder) = folder {
+        output::write_whole(&folder.join("frames.csv"), |out| write_csv(out, &records))?;
+        output::write_json(&folder.join("summary.json"), &summary)?;
+    }
+    Ok(summary)
+}
+
+fn progress_bar(plan: &FlightPlan<'_>) -> ProgressBar {
+    let style = ProgressStyle::with_template("{msg:9} [{bar:32}] {pos} of {len} frames, {eta} left");
+    // The template is a constant that indicatif has parsed in every test of this verb.
+    let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
+    ProgressBar::new(plan.frames).with_style(style).with_message(plan.settings.strategy.word())
+}
+
+fn description(gpu: &Gpu, plan: &FlightPlan<'_>, hashes: &Hashes) -> Flight {
+    let info = &gpu.adapter_info;
+    let on_reference = plan.settings.passes == PassesOn::Reference;
+    let adapter = format!("{} ({}, {:?})", info.name, info.driver_info, info.device_type);
+    Flight {
+        adapter: if on_reference { format!("CPU reference; drawn by {adapter}") } else { adapter },
+        strategy: plan.settings.strategy.word().to_owned(),
+        select: plan.settings.select.word().to_owned(),
+        path: plan.path.name().to_owned(),
+        width: plan.settings.width,
+        height: plan.settings.height,
+        budget_vertices: plan.settings.budget_vertices.into(),
+        index_hash: hashes.text(&hashes.indices),
+        vertex_hash: hashes.text(&hashes.vertices),
+        gpu_timestamps: gpu.timestamps,
+    }
+}
+
+/// Hashes over the content of every frame.
+#[derive(Default)]
+struct Hashes {
+    indices: Xxh3,
+    vertices: Xxh3,
+    last: collapsar::frame::ContentDigest,
+    frames: u64,
+}
+
+impl Hashes {
+    /// A frame in which nothing changed has the content of the last.
+    fn add(&mut self, renderer: &Renderer, changed: bool) -> Result<(), Failure> {
+        if changed || self.frames == 0 {
+            self.last = renderer.content_digest()?;
+        }
+        self.indices.update(&self.last.indices.to_le_bytes());
+        self.vertices.update(&self.last.vertices.to_le_bytes());
+        self.frames += 1;
+        Ok(())
+    }
+
+    fn text(&self, hash: &Xxh3) -> String {
+        if self.frames == 0 { String::new() } else { format!("{:016x}", hash.digest()) }
+    }
+}
+
+/// Flies with every strategy and makes sure that all drew the same.
+pub fn compare(
+    gpu: &Arc<Gpu>,
+    scene: &Arc<Scene>,
+    plan: &FlightPlan<'_>,
+    folder: Option<&Path>,
+) -> Result<Vec<Summary>, Failure> {
+    let mut summaries = Vec::new();
+    for strategy in Strategy::ALL {
+        let subfolder = folder.map(|folder| folder.join(strategy.word()));
+        if let Some(folder) = &subfolder {
+            output::make_folder(folder)?;
+        }
+        let settings = Settings { strategy, ..plan.settings };
+        // One set of pictures is enough: the hashes say that the others are the same.
+        let png_every = if strategy == Strategy::Coherent { plan.png_every } else { 0 };
+        let plan = FlightPlan { settings, png_every, ..*plan };
+        summaries.push(fly(gpu, scene, &plan, subfolder.as_deref())?);
+    }
+    if let Some(folder) = folder {
+        let text = describe_comparison(&summaries);
+        output::write_whole(&folder.join("table.txt"), |out| writeln!(out, "{text}"))?;
+        output::write_json(&folder.join("summary.json"), &Comparison { strategies: &summaries })?;
+    }
+    let first = &summaries[0].flight;
+    match summaries
+        .iter()
+        .find(|s| (&s.flight.index_hash, &s.flight.vertex_hash) != (&first.index_hash, &first.vertex_hash))
+    {
+        Some(other) => Err(Failure::Mismatch(format!(
+            "`{}` and `{}` drew different frames ({} and {}): this is a bug in collapsar, please report it",
+            first.strategy, other.flight.strategy, first.index_hash, other.flight.index_hash
+        ))),
+        None => Ok(summaries),
+    }
+}
+
+#[derive(Serialize)]
+struct Comparison<'a> {
+    strategies: &'a [Summary],
+}
+
+/// The paper's Table 1 and the saving.
+pub fn describe_comparison(summaries: &[Summary]) -> String {
+    let coherent = &summaries[0];
+    let mut text = comparison_table(summaries);
+    text.push_str(&format!(
+        "\n{} frames of `{}` with {} vertices a frame on {}\n{}\n{}",
+        human::count(coherent.frames),
+        coherent.flight.path,
+        human::count(coherent.flight.budget_vertices),
+        coherent.flight.adapter,
+        saving_line(coherent),
+        identity_line(coherent),
+    ));
+    text
+}
+
+fn identity_line(summary: &Summary) -> String {
+    if summary.flight.index_hash.is_empty() {
+        "what was drawn was not compared (--no-hash)".to_owned()
+    } else {
+        format!("all strategies drew the same frames: index hash {}", summary.flight.index_hash)
+    }
+}
+
+fn saving_line(summary: &Summary) -> String {
+    let sent = human::bytes(summary.bytes_sent_total);
+    let whole = human::bytes(summary.bytes_whole_total);
+    match summary.transfer_saving {
+        Some(saving) => format!("transfer saving: {saving:.1} x ({sent} sent, `whole` sends {whole})"),
+        None => format!("transfer saving: nothing was sent (`whole` sends {whole})"),
+    }
+}
+
+fn describe(summary: &Summary) -> String {
+    let stages: Vec<String> =
+        summary.stage_ms.iter().map(|(stage, ms)| format!("{stage} {}", human::milliseconds(*ms))).collect();
+    let flight = &summary.flight;
+    [
+        format!(
+            "flight       {} frames of `{}`, {}x{} pixels",
+            human::count(summary.frames),
+            flight.path,
+            flight.width,
+            flight.height
+        ),
+        format!("adapter      {}", flight.adapter),
+        format!(
+            "drawn        {} triangles and {} vertices a frame (budget {})",
+            human::rounded(summary.active_triangles_mean),
+            human::rounded(summary.active_vertices_mean),
+            human::count(flight.budget_vertices)
+        ),
+        format!(
+            "sent         {}, {} of it a frame, by `{}`",
+            human::bytes(summary.bytes_sent_total),
+            human::bytes(summary.bytes_sent_total / summary.frames.max(1)),
+            flight.strategy
+        ),
+        format!("             {}", saving_line(summary)),
+        format!(
+            "time         {} ms a frame (median), {} ms (99 %)",
+            human::milliseconds(summary.frame_ms_p50),
+            human::milliseconds(summary.frame_ms_p99)
+        ),
+        format!("stages (ms)  {}", stages.join(", ")),
+        format!(
+            "memory       {} on the GPU, {} of the model resident",
+            human::bytes(summary.gpu_bytes_peak),
+            human::bytes(summary.resident_bytes_peak)
+        ),
+        format!("index hash   {}", if flight.index_hash.is_empty() { "-" } else { &flight.index_hash }),
+    ]
+    .join("\n")
+}

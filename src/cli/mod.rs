@@ -1,0 +1,63 @@
+//! The verbs of the command line, one file each, and what they share.
+
+mod bake;
+mod demo;
+mod export;
+mod failure;
+mod fly;
+mod info;
+mod interrupt;
+mod output;
+mod values;
+mod verify;
+
+use clap::{Parser, Subcommand};
+
+pub use failure::Failure;
+
+/// Bake a CAD assembly that fits neither the graphics card nor memory, and fly through it.
+#[derive(Debug, Parser)]
+#[command(
+    name = "collapsar",
+    version,
+    about,
+    after_help = "Examples:\n  \
+        collapsar demo                                    bake and fly the bundled models, print the transfer saving\n  \
+        collapsar bake engine.glb -o engine.clps          order a model by its edge collapses\n  \
+        collapsar fly engine.clps --path orbit --out out  fly round it and write pictures and numbers\n\n\
+        Environment:\n  \
+        COLLAPSAR_ADAPTER  part of the name of the graphics adapter to use\n  \
+        COLLAPSAR_LOG      what to log to standard error, for example `info` or `collapsar=debug`"
+)]
+pub struct Arguments {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Order models by their edge collapses and write one container.
+    Bake(bake::BakeArguments),
+    /// Say what a container holds.
+    Info(info::InfoArguments),
+    /// Check every checksum and every invariant of a container.
+    Verify(verify::VerifyArguments),
+    /// Write any level of detail as an ordinary mesh.
+    Export(export::ExportArguments),
+    /// Fly along a camera path without a window; write pictures and what each frame sent.
+    Fly(fly::FlyArguments),
+    /// Bake the bundled models and fly them with all strategies.
+    Demo(demo::DemoArguments),
+}
+
+/// Runs the verb that was asked for.
+pub fn run(arguments: Arguments) -> Result<(), Failure> {
+    match arguments.verb {
+        Verb::Bake(arguments) => bake::run(&arguments),
+        Verb::Info(arguments) => info::run(&arguments),
+        Verb::Verify(arguments) => verify::run(&arguments),
+        Verb::Export(arguments) => export::run(&arguments),
+        Verb::Fly(arguments) => fly::run(&arguments),
+        Verb::Demo(arguments) => demo::run(&arguments),
+    }
+}

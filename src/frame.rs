@@ -1,0 +1,434 @@
+//! The frame as the list of its stages: a camera in, a picture and a [`FrameRecord`] out.
+//!
+//! 1. **select** (`select::wish`): the wished vertex count of every instance for this view.
+//! 2. **residency** (`stream::residency`, `select::states`): what has arrived, and the state that is granted of it.
+//! 3. **delta** (`frame::plan`): what each new state has that the old one lacks, under the cap of the frame.
+//! 4. **upload** (`stream::gather`, `stream::staging`): the lack, or everything, by strategy.
+//! 5. **defragment** (`frame::rebuild`): grants, prefix sums, and contiguous active buffers of existing and streamed.
+//! 6. **reform** (`frame::rebuild`): every triangle's corners walked down `ecol`, into one index buffer.
+//! 7. **draw** (`passes::draw`): one indirect draw a batch.
+//!
+//! A frame in which nothing changed does only stages 1 and 7, and stage 1 finds out by comparing two cameras.
+
+mod content;
+mod mirror;
+mod plan;
+mod rebuild;
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::gpu::batch::Batch;
+use crate::gpu::target::{Target, TargetError};
+use crate::gpu::timer::Timer;
+use crate::gpu::{Gpu, GpuError};
+use crate::passes::draw::{DrawBatch, DrawPass, FrameUniform, InstanceRow, Mode};
+use crate::reference::select::SelectView;
+use crate::scene::Scene;
+use crate::scene::camera::Camera;
+use crate::select::states::StateChooser;
+use crate::select::{SelectOn, Wishes};
+use crate::stats::FrameRecord;
+use crate::stream::gather::BatchUpload;
+use crate::stream::staging::Staging;
+use crate::stream::{Delta, Residency, ResidencyError, State, Strategy};
+pub use content::ContentDigest;
+use mirror::Mirror;
+use rebuild::Rebuild;
+
+/// Why a frame could not be drawn.
+#[derive(Debug, thiserror::Error)]
+pub enum FrameError {
+    /// The GPU.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// The picture.
+    #[error(transparent)]
+    Target(#[from] TargetError),
+    /// The file.
+    #[error(transparent)]
+    Residency(#[from] ResidencyError),
+    /// One part alone is more than a batch may hold.
+    #[error(
+        "the parts in view do not fit {limit_bytes} bytes a batch even with one instance in each; \
+         choose a smaller budget or a larger batch limit"
+    )]
+    BatchTooSmall {
+        /// The limit.
+        limit_bytes: u64,
+    },
+}
+
+/// Where the passes run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
+pub enum PassesOn {
+    /// The GPU.
+    #[default]
+    Gpu,
+    /// The CPU references; their results are copied to the GPU to be drawn.
+    Reference,
+}
+
+/// How to render.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// Vertices to spend a frame (`N`).
+    pub budget_vertices: u32,
+    /// The paper's alpha.
+    pub alpha: f32,
+    /// No instance gets more vertices than this error, in pixels, needs; 0: no such limit.
+    pub error_px: f32,
+    /// While the camera moves, a budget moves only if it is off by more than this part of itself.
+    pub dead_band: f32,
+    /// How data is sent.
+    pub strategy: Strategy,
+    /// Where budgets are computed.
+    pub select: SelectOn,
+    /// Where the other passes run.
+    pub passes: PassesOn,
+    /// Bytes of deltas a frame at most; what is over it waits. `None`: no cap.
+    pub upload_limit_bytes: Option<u64>,
+    /// Bytes of the largest buffer; `None`: what the adapter can bind.
+    pub batch_limit_bytes: Option<u64>,
+    /// Whether every frame waits until all it wants has been read, so that pictures are reproducible.
+    pub settle: bool,
+    /// Whether to wait for each stage of the GPU's work, so that the transfer can be timed by itself.
+    pub time_stages: bool,
+    /// The picture's width in pixels.
+    pub width: u32,
+    /// The picture's height in pixels.
+    pub height: u32,
+    /// Samples a pixel: 1 or 4.
+    pub samples: u32,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            budget_vertices: 1_000_000,
+            alpha: 3.0,
+            error_px: 0.0,
+            dead_band: 0.03,
+            strategy: Strategy::Coherent,
+            select: SelectOn::Gpu,
+            passes: PassesOn::Gpu,
+            upload_limit_bytes: None,
+            batch_limit_bytes: None,
+            settle: true,
+            time_stages: true,
+            width: 1280,
+            height: 720,
+            samples: 4,
+        }
+    }
+}
+
+/// Draws a scene frame by frame.
+pub struct Renderer {
+    gpu: Arc<Gpu>,
+    scene: Arc<Scene>,
+    settings: Settings,
+    target: Target,
+    draw: DrawPass,
+    rebuild: Rebuild,
+    timer: Timer,
+    wishes: Wishes,
+    chooser: StateChooser,
+    residency: Residency,
+    staging: Staging,
+    batches: Vec<Batch>,
+    mirrors: Vec<Mirror>,
+    /// What the GPU holds of every instance.
+    states: Vec<State>,
+    /// What it shall hold.
+    wanted: Vec<State>,
+    view: Option<Camera>,
+    frames_at_rest: u32,
+    /// Whether the last frame left something for the next.
+    pending: bool,
+    frame: u64,
+    bytes_of_states: u64,
+    visible: u64,
+}
+
+/// After so many frames with the same camera every dead band is closed and budgets are exact.
+const FRAMES_TO_REST: u32 = 3;
+
+impl Renderer {
+    /// Prepares a scene for drawing; nothing of its payload is read yet.
+    ///
+    /// # Errors
+    /// The adapter has no room for the tables or the picture.
+    pub fn new(gpu: Arc<Gpu>, scene: Arc<Scene>, settings: Settings) -> Result<Self, FrameError> {
+        let draw = DrawPass::new(&gpu.device, settings.samples);
+        let target = Target::new(&gpu.device, settings.width, settings.height, settings.samples)?;
+        let instances = scene.instances().len();
+        let mut this = Self {
+            target,
+            rebuild: Rebuild::new(&gpu),
+            timer: Timer::new(&gpu, 64)?,
+            wishes: Wishes::new(&gpu, &scene, settings.select)?,
+            chooser: StateChooser::default(),
+            residency: Residency::new(&scene),
+            staging: Staging::default(),
+            batches: Vec::new(),
+            mirrors: Vec::new(),
+            states: vec![State::default(); instances],
+            wanted: vec![State::default(); instances],
+            view: None,
+            frames_at_rest: 0,
+            pending: false,
+            frame: 0,
+            bytes_of_states: 0,
+            visible: 0,
+            draw,
+            gpu,
+            scene,
+            settings,
+        };
+        let batches = this.batches_expected();
+        this.deal(batches)?;
+        Ok(this)
+    }
+
+    /// Draws one frame.
+    ///
+    /// # Errors
+    /// Damaged data, or whatever went wrong on the device.
+    pub fn frame(&mut self, camera: &Camera) -> Result<FrameRecord, FrameError> {
+        let started = Instant::now();
+        let mut record = FrameRecord { frame: self.frame, ..FrameRecord::default() };
+        self.timer.start();
+
+        self.select(camera, &mut record)?;
+        self.residency(&mut record)?;
+        let deltas = self.delta(&mut record)?;
+        let uploads = self.upload(&deltas, &mut record)?;
+        self.defragment_and_reform(&uploads, &mut record)?;
+        self.draw(camera, &mut record)?;
+
+        record.frame_ms = milliseconds_since(started);
+        self.count(&mut record)?;
+        self.frame += 1;
+        Ok(record)
+    }
+
+    /// Stage 1. Skipped when neither the camera nor anything else has changed for a few frames.
+    fn select(&mut self, camera: &Camera, record: &mut FrameRecord) -> Result<(), FrameError> {
+        let started = Instant::now();
+        let moved = self.view.as_ref() != Some(camera);
+        self.frames_at_rest = if moved { 0 } else { self.frames_at_rest.saturating_add(1) };
+        self.view = Some(*camera);
+        if self.frames_at_rest < FRAMES_TO_REST {
+            let view = self.select_view(camera);
+            if self.wishes.update(&self.gpu, &view)? {
+                record.compute_passes += 1;
+            }
+        }
+        record.select_ms = milliseconds_since(started);
+        Ok(())
+    }
+
+    fn select_view(&self, camera: &Camera) -> SelectView {
+        let mut planes = [[0.0, 0.0, 0.0, 1.0]; 6];
+        for (plane, found) in planes.iter_mut().zip(camera.frustum_planes(self.target.aspect())) {
+            *plane = found.to_array();
+        }
+        SelectView {
+            eye: camera.eye.to_array(),
+            planes,
+            focal_px: camera.focal_px(self.settings.height),
+            min_area_px: 1.0,
+            max_area_px: self.settings.width as f32 * self.settings.height as f32,
+            alpha: self.settings.alpha,
+            error_px: self.settings.error_px,
+            dead_band: self.dead_band(),
+            budget: self.settings.budget_vertices,
+        }
+    }
+
+    /// The dead band closes when the camera comes to rest.
+    fn dead_band(&self) -> f32 {
+        match self.frames_at_rest {
+            0 => self.settings.dead_band,
+            1 => self.settings.dead_band * 0.25,
+            _ => 0.0,
+        }
+    }
+
+    /// Stage 2. Skipped at rest once everything has arrived.
+    fn residency(&mut self, record: &mut FrameRecord) -> Result<(), FrameError> {
+        let started = Instant::now();
+        self.residency.receive()?;
+        if self.frames_at_rest < FRAMES_TO_REST || self.pending {
+            self.request_wished()?;
+            if self.settings.settle {
+                self.residency.settle()?;
+            }
+            let keep = self.dead_band() > 0.0;
+            let choice =
+                self.chooser.choose(&self.scene, &self.residency, self.wishes.get(), keep, &mut self.wanted);
+            self.visible = choice.visible.into();
+            self.pending = choice.misses > 0;
+            record.misses = choice.misses.into();
+            self.bytes_of_states = crate::stream::gather::bytes_of_states(&self.wanted);
+        }
+        record.disk_bytes = self.residency.take_bytes_read();
+        record.resident_bytes = self.residency.bytes_held();
+        record.residency_ms = milliseconds_since(started);
+        Ok(())
+    }
+
+    /// Stage 4: gathers what is sent and copies it to the GPU.
+    fn upload(
+        &mut self,
+        deltas: &[Vec<Delta>],
+        record: &mut FrameRecord,
+    ) -> Result<Vec<BatchUpload>, FrameError> {
+        let uploads = self.plan_uploads(deltas);
+        for upload in &uploads {
+            let layout = upload.layout;
+            record.streamed_vertices += layout.vertices;
+            record.streamed_ecol += layout.ecol;
+            record.streamed_triangles += layout.triangles;
+            record.bytes_tables += size_of_val(upload.grants.as_slice()) as u64;
+        }
+        for (batch, upload) in self.batches.iter_mut().zip(&uploads).filter(|(_, upload)| !upload.is_empty())
+        {
+            let totals = plan::totals_after(batch, upload, &self.wanted);
+            let grants = upload.grants.len() as u64;
+            batch.ensure(&self.gpu, totals, upload.layout.words(), grants)?;
+        }
+        match (self.settings.passes, self.settings.strategy) {
+            (PassesOn::Reference, _) => {}
+            (PassesOn::Gpu, Strategy::PerPart) => self.send_part_by_part(&uploads, record)?,
+            (PassesOn::Gpu, _) => self.send_in_one_block(&uploads, record)?,
+        }
+        Ok(uploads)
+    }
+
+    /// Stages 5 and 6, in every batch in which something changed.
+    fn defragment_and_reform(
+        &mut self,
+        uploads: &[BatchUpload],
+        record: &mut FrameRecord,
+    ) -> Result<(), FrameError> {
+        if uploads.iter().all(BatchUpload::is_empty) {
+            return Ok(());
+        }
+        match self.settings.passes {
+            PassesOn::Gpu => self.rebuild_on_gpu(uploads, record)?,
+            PassesOn::Reference => self.rebuild_on_reference(uploads, record)?,
+        }
+        Ok(())
+    }
+
+    /// Stage 7.
+    fn draw(&mut self, camera: &Camera, record: &mut FrameRecord) -> Result<(), FrameError> {
+        let started = Instant::now();
+        let uniform = FrameUniform::new(camera, self.target.aspect(), Mode::Material);
+        if self.frames_at_rest == 0 {
+            self.draw.write_frame(&self.gpu.queue, &uniform);
+            record.bytes_tables += size_of_val(&uniform) as u64;
+        }
+        let drawn: Vec<DrawBatch<'_>> = self
+            .batches
+            .iter()
+            .filter(|batch| batch.totals[2] > 0)
+            .map(|batch| DrawBatch {
+                instances: &batch.rows_group,
+                vertices: &batch.existing()[0],
+                indices: &batch.indices,
+                indirect: &batch.indirect,
+                indirect_offset: 0,
+            })
+            .collect();
+        let mut encoder = self.gpu.encoder("draw");
+        self.draw.record(&mut encoder, &self.target, &drawn, self.timer.render("draw"));
+        self.timer.resolve(&mut encoder);
+        self.gpu.submit(encoder)?;
+        self.gpu.wait()?;
+        record.draw_ms = milliseconds_since(started);
+        Ok(())
+    }
+
+    /// Fills in what is known when the frame is done.
+    fn count(&mut self, record: &mut FrameRecord) -> Result<(), FrameError> {
+        for (stage, ms) in self.timer.read(&self.gpu)? {
+            let Some(ms) = ms else { continue };
+            match stage {
+                "grant" | "prefix_sum" | "defragment" => record.defragment_ms += ms,
+                "reform" => record.reform_ms += ms,
+                "draw" => record.draw_ms = ms,
+                _ => {}
+            }
+        }
+        let sum =
+            |stream: usize| self.batches.iter().map(|batch| u64::from(batch.totals[stream])).sum::<u64>();
+        record.active_vertices = sum(0);
+        record.active_ecol = sum(1);
+        record.active_triangles = sum(2);
+        record.existing_vertices = record.active_vertices.saturating_sub(record.streamed_vertices);
+        record.existing_ecol = record.active_ecol.saturating_sub(record.streamed_ecol);
+        record.existing_triangles = record.active_triangles.saturating_sub(record.streamed_triangles);
+        record.instances_visible = self.visible;
+        record.instances_culled = self.scene.instances().len() as u64 - self.visible;
+        record.bytes_vertices = record.streamed_vertices * crate::stream::delta::VERTEX_BYTES;
+        record.bytes_ecol = record.streamed_ecol * crate::stream::delta::ECOL_BYTES;
+        record.bytes_triangles = record.streamed_triangles * crate::stream::delta::TRIANGLE_BYTES;
+        record.bytes_sent =
+            record.bytes_vertices + record.bytes_ecol + record.bytes_triangles + record.bytes_tables;
+        // `whole` and `per-part` send every visible instance's records and its grant, in every frame.
+        let all = self.bytes_of_states + self.visible * size_of::<crate::gpu::layout::Grant>() as u64;
+        record.bytes_whole = all;
+        record.bytes_per_part = all;
+        record.gpu_bytes = self.gpu_bytes();
+        Ok(())
+    }
+
+    /// Bytes of GPU memory that this renderer has asked for.
+    fn gpu_bytes(&self) -> u64 {
+        self.batches.iter().map(Batch::size_bytes).sum::<u64>()
+            + self.staging.size_bytes()
+            + self.wishes.gpu_bytes()
+            + self.rebuild.size_bytes()
+            + self.target.gpu_bytes()
+    }
+
+    /// The picture.
+    pub fn target(&self) -> &Target {
+        &self.target
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// What the GPU holds of every instance.
+    pub fn states(&self) -> &[State] {
+        &self.states
+    }
+
+    /// How many batches the instances are dealt to.
+    pub fn batch_count(&self) -> usize {
+        self.batches.len()
+    }
+
+    /// The rows that the draw pass needs of some instances.
+    fn instance_rows(&self, instances: &[u32]) -> Vec<InstanceRow> {
+        instances
+            .iter()
+            .map(|&number| {
+                let instance = &self.scene.instances()[number as usize];
+                let part = &self.scene.parts()[instance.part as usize];
+                let colour = self.scene.colour(instance);
+                InstanceRow::new(instance.transform(), part.grid(), colour, part.is_coloured())
+            })
+            .collect()
+    }
+}
+
+pub(crate) fn milliseconds_since(started: Instant) -> f64 {
+    started.elapsed().as_secs_f64() * 1e3
+}

@@ -1,0 +1,185 @@
+//! The buffers of one batch: everything that a set of instances has on the GPU, in one binding each.
+//!
+//! Active data is kept twice: what the last frame built is *existing* for the next. Start lists likewise. The copy that
+//! is about to be written may be replaced by a larger one at any time, because nothing in it is needed any more.
+
+use super::{Gpu, GpuError};
+use crate::passes::draw::{DrawPass, InstanceRow};
+
+/// Vertices, `ecol`, triangles: the streams, in the order of every array of three.
+pub const STREAMS: usize = 3;
+/// Bytes of one active element of each stream.
+pub const ACTIVE_BYTES: [u64; STREAMS] = [16, 4, 8];
+/// Bytes of a triangle in the index buffer.
+pub const INDEX_BYTES: u64 = 12;
+/// Buffers are made this much larger than asked for, so that they rarely grow.
+const SLACK: f64 = 1.25;
+
+const NAMES: [&str; STREAMS] = ["vertices", "ecol", "triangles"];
+
+/// One batch.
+#[derive(Debug)]
+pub struct Batch {
+    /// Its instances, as numbers in the scene, by their batch-local number.
+    pub instances: Vec<u32>,
+    /// How much of each stream every instance has.
+    pub budgets: [wgpu::Buffer; STREAMS],
+    /// How much of each stream every instance is sent this frame.
+    pub streamed_counts: [wgpu::Buffer; STREAMS],
+    /// Prefix sums of `streamed_counts`.
+    pub streamed_starts: [wgpu::Buffer; STREAMS],
+    /// Prefix sums of `budgets`, of this frame and of the last.
+    starts: [[wgpu::Buffer; STREAMS]; 2],
+    /// Active elements, of this frame and of the last.
+    active: [[wgpu::Buffer; STREAMS]; 2],
+    /// Grants of this frame.
+    pub grants: wgpu::Buffer,
+    /// Streamed words of this frame.
+    pub streamed: wgpu::Buffer,
+    /// The index buffer.
+    pub indices: wgpu::Buffer,
+    /// Arguments of its one indirect draw.
+    pub indirect: wgpu::Buffer,
+    /// The table of its instances, bound for drawing.
+    pub rows_group: wgpu::BindGroup,
+    rows: wgpu::Buffer,
+    /// Which copy is existing.
+    existing: usize,
+    /// Active elements of each stream in the existing copy.
+    pub totals: [u32; STREAMS],
+}
+
+impl Batch {
+    /// A batch that holds nothing of its instances yet.
+    ///
+    /// # Errors
+    /// The tables do not fit the adapter's limits.
+    pub fn new(
+        gpu: &Gpu,
+        draw: &DrawPass,
+        instances: Vec<u32>,
+        rows: &[InstanceRow],
+    ) -> Result<Self, GpuError> {
+        let counts = 4 * (instances.len() as u64 + 1);
+        let storage = |label: &'static str, bytes| gpu.storage(label, bytes);
+        let three = |label: &'static str, bytes: u64| -> Result<[wgpu::Buffer; STREAMS], GpuError> {
+            Ok([storage(label, bytes)?, storage(label, bytes)?, storage(label, bytes)?])
+        };
+        let rows_buffer = storage("instance rows", size_of_val(rows) as u64)?;
+        gpu.queue.write_buffer(&rows_buffer, 0, bytemuck::cast_slice(rows));
+        Ok(Self {
+            budgets: three("budgets", counts)?,
+            streamed_counts: three("streamed counts", counts)?,
+            streamed_starts: three("streamed starts", counts)?,
+            starts: [three("starts", counts)?, three("starts", counts)?],
+            active: [three("active", 16)?, three("active", 16)?],
+            grants: storage("grants", 16)?,
+            streamed: storage("streamed", 16)?,
+            indices: index_buffer(gpu, 16)?,
+            indirect: gpu.buffer(
+                "indirect",
+                20,
+                wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::COPY_DST,
+            )?,
+            rows_group: draw.bind_instances(&gpu.device, &rows_buffer),
+            rows: rows_buffer,
+            existing: 0,
+            totals: [0; STREAMS],
+            instances,
+        })
+    }
+
+    /// How many instances it has.
+    pub fn instance_count(&self) -> u32 {
+        self.instances.len() as u32
+    }
+
+    /// The start lists of the frame that is being built.
+    pub fn active_starts(&self) -> &[wgpu::Buffer; STREAMS] {
+        &self.starts[1 - self.existing]
+    }
+
+    /// The start lists of the last frame.
+    pub fn existing_starts(&self) -> &[wgpu::Buffer; STREAMS] {
+        &self.starts[self.existing]
+    }
+
+    /// The elements of the frame that is being built.
+    pub fn active(&self) -> &[wgpu::Buffer; STREAMS] {
+        &self.active[1 - self.existing]
+    }
+
+    /// The elements of the last frame.
+    pub fn existing(&self) -> &[wgpu::Buffer; STREAMS] {
+        &self.active[self.existing]
+    }
+
+    /// Makes what is being built what is there.
+    pub fn swap(&mut self, totals: [u32; STREAMS]) {
+        self.existing = 1 - self.existing;
+        self.totals = totals;
+    }
+
+    /// Makes room for a frame: active elements of each stream, streamed words, grants.
+    ///
+    /// # Errors
+    /// Something does not fit the adapter's limits.
+    pub fn ensure(
+        &mut self,
+        gpu: &Gpu,
+        totals: [u64; STREAMS],
+        streamed_words: u64,
+        grants: u64,
+    ) -> Result<(), GpuError> {
+        for stream in 0..STREAMS {
+            let bytes = totals[stream] * ACTIVE_BYTES[stream];
+            grow(gpu, &mut self.active[1 - self.existing][stream], bytes, |gpu, size| {
+                active_buffer(gpu, stream, size)
+            })?;
+        }
+        grow(gpu, &mut self.indices, totals[2] * INDEX_BYTES, index_buffer)?;
+        grow(gpu, &mut self.streamed, streamed_words * 4, |gpu, size| gpu.storage("streamed", size))?;
+        grow(gpu, &mut self.grants, grants * 16, |gpu, size| gpu.storage("grants", size))
+    }
+
+    /// Bytes of all its buffers.
+    pub fn size_bytes(&self) -> u64 {
+        let threes = [&self.budgets, &self.streamed_counts, &self.streamed_starts]
+            .into_iter()
+            .chain(&self.starts)
+            .chain(&self.active);
+        let single = [&self.grants, &self.streamed, &self.indices, &self.indirect, &self.rows];
+        threes.flatten().chain(single).map(wgpu::Buffer::size).sum()
+    }
+}
+
+/// Whether active and streamed elements of these counts fit buffers of `limit_bytes`.
+pub fn fits(limit_bytes: u64, totals: [u64; STREAMS], streamed_words: u64) -> bool {
+    let active = (0..STREAMS).all(|stream| totals[stream] * ACTIVE_BYTES[stream] <= limit_bytes);
+    active && totals[2] * INDEX_BYTES <= limit_bytes && streamed_words * 4 <= limit_bytes
+}
+
+fn index_buffer(gpu: &Gpu, size: u64) -> Result<wgpu::Buffer, GpuError> {
+    use wgpu::BufferUsages as Usage;
+    gpu.buffer("indices", size, Usage::STORAGE | Usage::INDEX | Usage::COPY_SRC | Usage::COPY_DST)
+}
+
+fn active_buffer(gpu: &Gpu, stream: usize, size: u64) -> Result<wgpu::Buffer, GpuError> {
+    use wgpu::BufferUsages as Usage;
+    let usage = Usage::STORAGE | Usage::VERTEX | Usage::COPY_SRC | Usage::COPY_DST;
+    gpu.buffer(&format!("active {}", NAMES[stream]), size, usage)
+}
+
+/// Replaces a buffer that is too small; what it held is lost.
+fn grow(
+    gpu: &Gpu,
+    buffer: &mut wgpu::Buffer,
+    bytes: u64,
+    make: impl FnOnce(&Gpu, u64) -> Result<wgpu::Buffer, GpuError>,
+) -> Result<(), GpuError> {
+    if buffer.size() < bytes {
+        let roomy = (bytes as f64 * SLACK) as u64;
+        *buffer = make(gpu, roomy.min(gpu.storage_limit_bytes()).max(bytes))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,117 @@
+//! What is in memory of one part: the chunks of its tiers as they arrive, coarsest first.
+
+use std::ops::Range;
+
+use crate::container::{ChunkSpec, ChunkView, ContainerError};
+use crate::geometry::{TriangleRecord, TrianglesAt, VertexRecord};
+
+/// A chunk copied out of the file and checked.
+#[derive(Debug)]
+pub struct Chunk {
+    spec: ChunkSpec,
+    /// The bytes, in words of 8 so that records are aligned.
+    words: Vec<u64>,
+}
+
+impl Chunk {
+    /// Copies and checks a chunk; the only place where a page of the file may be waited for.
+    ///
+    /// # Errors
+    /// The bytes do not match their checksum or contradict the tables.
+    pub fn read(spec: ChunkSpec, bytes: &[u8]) -> Result<Self, ContainerError> {
+        let mut words = vec![0u64; bytes.len().div_ceil(8)];
+        bytemuck::cast_slice_mut::<u64, u8>(&mut words)[..bytes.len()].copy_from_slice(bytes);
+        let chunk = Self { spec, words };
+        ChunkView::parse(&chunk.spec, chunk.raw())?;
+        Ok(chunk)
+    }
+
+    fn raw(&self) -> &[u8] {
+        &bytemuck::cast_slice::<u64, u8>(&self.words)[..self.spec.row.bytes as usize]
+    }
+
+    fn view(&self) -> ChunkView<'_> {
+        #[expect(clippy::expect_used, reason = "`read` has parsed the same bytes with the same spec")]
+        ChunkView::cut(&self.spec, self.raw()).expect("a chunk that was parsed before")
+    }
+
+    /// Its size in memory.
+    pub fn bytes(&self) -> usize {
+        self.words.len() * 8
+    }
+}
+
+/// The arrived chunks of one part.
+#[derive(Debug, Default)]
+pub struct ResidentPart {
+    /// By tier, finest first.
+    chunks: Vec<Option<Chunk>>,
+    /// The finest tier such that it and all coarser ones have arrived; the number of tiers if none has.
+    arrived: u32,
+    triangles_at: TrianglesAt,
+}
+
+impl ResidentPart {
+    /// A part of which nothing has arrived.
+    pub fn new(tier_count: u32) -> Self {
+        let chunks = (0..tier_count).map(|_| None).collect();
+        Self { chunks, arrived: tier_count, triangles_at: TrianglesAt::default() }
+    }
+
+    /// Takes in a chunk; it counts once all coarser ones are there.
+    pub fn arrive(&mut self, tier: u32, chunk: Chunk) {
+        self.chunks[tier as usize] = Some(chunk);
+        while self.arrived > 0
+            && let Some(chunk) = &self.chunks[self.arrived as usize - 1]
+        {
+            let view = chunk.view();
+            let overflow: Vec<(u32, u32)> = view.overflow.iter().map(|&[v, t]| (v, t)).collect();
+            self.triangles_at.extend(view.added, &overflow);
+            self.arrived -= 1;
+        }
+    }
+
+    /// How many vertices have arrived, as a prefix.
+    pub fn vertices_arrived(&self) -> u32 {
+        self.triangles_at.len() as u32
+    }
+
+    /// The finest tier that can be drawn, if any.
+    pub fn finest(&self) -> Option<u32> {
+        (self.arrived < self.chunks.len() as u32).then_some(self.arrived)
+    }
+
+    /// Triangles at each vertex count, as far as it has arrived.
+    pub fn triangles_at(&self) -> &TrianglesAt {
+        &self.triangles_at
+    }
+
+    /// A range of the arrived vertices, in pieces in order.
+    pub fn vertices(&self, range: Range<u32>) -> impl Iterator<Item = &[VertexRecord]> {
+        self.pieces(range).map(|(view, piece)| &view.vertices[piece])
+    }
+
+    /// A range of the arrived `ecol` entries, in pieces in order.
+    pub fn ecol(&self, range: Range<u32>) -> impl Iterator<Item = &[u16]> {
+        self.pieces(range).map(|(view, piece)| &view.ecol[piece])
+    }
+
+    /// The chunks that a range of vertices runs through, coarsest first, with the range inside each.
+    fn pieces(&self, range: Range<u32>) -> impl Iterator<Item = (ChunkView<'_>, Range<usize>)> {
+        let held = self.chunks[self.arrived as usize..].iter().rev().flatten();
+        held.filter_map(move |chunk| {
+            let start = range.start.max(chunk.spec.vertices_below);
+            let end = range.end.min(chunk.spec.row.vertices);
+            let local = |vertex: u32| (vertex - chunk.spec.vertices_below) as usize;
+            (start < end).then(|| (chunk.view(), local(start)..local(end)))
+        })
+    }
+
+    /// The triangle list of an arrived tier; empty for one that has not arrived.
+    pub fn triangles(&self, tier: u32) -> &[TriangleRecord] {
+        match self.chunks.get(tier as usize) {
+            Some(Some(chunk)) => chunk.view().triangles,
+            _ => &[],
+        }
+    }
+}

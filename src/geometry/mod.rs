@@ -4,6 +4,7 @@
 //! vertices are one position, `cells` cuts it where it is too large, `collapse` finds the order in which edge
 //! collapses remove its vertices and triangles, and `tiers` cuts that order into self-contained prefixes.
 
+pub mod normals;
 pub mod quantize;
 pub mod record;
 pub mod triangles_at;

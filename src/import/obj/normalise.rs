@@ -303,12 +303,12 @@ impl<R: BufRead> Normaliser<R> {
 
 impl<R: BufRead> BufRead for Normaliser<R> {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        if self.taken >= self.output.len() {
-            if let Err(error) = self.refill() {
-                let kind = error.kind();
-                self.problem.get_or_insert(Problem::Read(error));
-                return Err(kind.into());
-            }
+        if self.taken >= self.output.len()
+            && let Err(error) = self.refill()
+        {
+            let kind = error.kind();
+            self.problem.get_or_insert(Problem::Read(error));
+            return Err(kind.into());
         }
         Ok(&self.output.as_bytes()[self.taken..])
     }

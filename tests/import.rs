@@ -1,7 +1,7 @@
 //! The importers on every hostile and every real model at hand, and on small files made here.
 //!
-//! Models lie in the folder named by `COLLAPSAR_DATASETS`, else in `../shared/datasets`; a test that does not find its
-//! model says so and passes.
+//! Models lie in the folder named by `COLLAPSAR_DATASETS`, else in `../shared/datasets`; a test that does not
+//! find its model says so and passes.
 
 #![expect(clippy::unwrap_used, reason = "helpers of tests are tests")]
 
@@ -266,8 +266,9 @@ mod hostile_files {
 mod real_models {
     use super::*;
 
-    /// Meshes (distinct geometries of primitives), triangles, triangles placed, nodes that place something, all nodes.
-    /// The latter four are those of the data sets' own table; meshes are primitives here, and whole meshes there.
+    /// Meshes (distinct geometries of primitives), triangles, triangles placed, nodes that place something,
+    /// all nodes. The latter four are those of the data sets' own table; meshes are primitives here, and
+    /// whole meshes there.
     #[track_caller]
     fn assert_counts(name: &str, meshes: usize, expected: (usize, usize), placements: usize, nodes: usize) {
         let Some(path) = dataset(name) else { return };
@@ -317,8 +318,8 @@ mod real_models {
 
     #[test]
     fn peterbilt() {
-        // Six faces name a vertex twice in a row, and lose one corner each: 6 less than in the data sets' table, which
-        // calls them degenerate. Parts are by object and material.
+        // Six faces name a vertex twice in a row, and lose one corner each: 6 less than in the data sets'
+        // table, which calls them degenerate. Parts are by object and material.
         assert_counts("obj/peterbilt.obj", 51, (116_495, 116_495), 38, 38);
         let Some(path) = dataset("obj/peterbilt.obj") else { return };
         let model = read(&path).unwrap();
@@ -342,8 +343,9 @@ mod real_models {
         assert_counts("gltf/kicad_catalogue.glb", 739, (1_027_215, 1_027_215), 297, 386);
         assert_counts("gltf/ldraw_omr.glb", 3_208, (2_870_535, 48_168_590), 67_144, 71_922);
         assert_counts("gltf/nist_ftc_06_fine.glb", 1, (1_196_766, 1_196_766), 1, 3);
-        // The table counts corners minus two for every face. Here repeated corners go first (6,338 triangles less, and
-        // the one part that has no other faces), and 131 polygons that cross or touch themselves need 229 less.
+        // The table counts corners minus two for every face. Here repeated corners go first (6,338 triangles
+        // less, and the one part that has no other faces), and 131 polygons that cross or touch themselves
+        // need 229 less.
         assert_counts("obj/furniture_cc0.obj", 741, (2_356_926, 2_356_926), 277, 299);
     }
 

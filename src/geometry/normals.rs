@@ -1,8 +1,8 @@
 //! A mesh without normals in, the same mesh with normals by crease angle out.
 //!
-//! Around each position, the faces that meet at less than the crease angle are smoothed over; where they meet at more,
-//! the vertex is split. Faces are weighted by their angle at the position, so that how a flat side is cut into
-//! triangles makes no difference.
+//! Around each position, the faces that meet at less than the crease angle are smoothed over; where they meet
+//! at more, the vertex is split. Faces are weighted by their angle at the position, so that how a flat side
+//! is cut into triangles makes no difference.
 
 use glam::DVec3;
 use rustc_hash::FxHashMap;
@@ -12,14 +12,16 @@ use crate::import::{Colour, SourceMesh};
 /// The crease angle of meshes that come without normals, in degrees.
 pub const CREASE_DEGREES: f32 = 40.0;
 
-/// With more corners than this around one position they are gathered into clusters instead of compared in pairs.
+/// With more corners than this around one position they are gathered into clusters instead of compared in
+/// pairs.
 const MAX_PAIRWISE: usize = 64;
 
 /// Gives the mesh unit normals, unless it has them.
 ///
-/// Two faces at a position (bit-equal positions are one, whatever their indices) are smooth if their normals differ by
-/// at most `crease_degrees`. Vertices become the unique tuples of position, normal and colour in use; triangles keep
-/// their number, order and corners. Faces without area take the normal of what surrounds them.
+/// Two faces at a position (bit-equal positions are one, whatever their indices) are smooth if their normals
+/// differ by at most `crease_degrees`. Vertices become the unique tuples of position, normal and colour in
+/// use; triangles keep their number, order and corners. Faces without area take the normal of what surrounds
+/// them.
 ///
 /// Takes time linear in the number of triangles, whatever their valences.
 pub fn by_crease_angle(mesh: &mut SourceMesh, crease_degrees: f32) {
@@ -126,8 +128,8 @@ fn smooth(around: &[u32], faces: &Faces, cos_crease: f64, normals: &mut [[f32; 3
     }
 }
 
-/// As `smooth`, but every face joins the first cluster that was begun within the crease angle. Clusters are that far
-/// apart on the sphere, so there are few.
+/// As `smooth`, but every face joins the first cluster that was begun within the crease angle. Clusters are
+/// that far apart on the sphere, so there are few.
 fn smooth_by_clusters(around: &[u32], all: DVec3, faces: &Faces, cos_crease: f64, normals: &mut [[f32; 3]]) {
     // However small the crease angle, this bounds the time.
     const MAX_CLUSTERS: usize = 64;

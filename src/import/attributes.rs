@@ -2,8 +2,8 @@
 
 use super::Colour;
 
-/// Coordinates beyond this count as broken: their squares and products would leave the range of `f64` sums and of
-/// every grid.
+/// Coordinates beyond this count as broken: their squares and products would leave the range of `f64` sums
+/// and of every grid.
 const MAX_COORDINATE: f32 = 1e30;
 
 /// White and opaque: a vertex colour that says nothing.

@@ -8,8 +8,9 @@ use super::notes::quoted;
 
 /// Resolves a reference found in the file `from`.
 ///
-/// Only a plain relative path is followed, and only to a regular file that really lies (links resolved) in the folder
-/// of `from` or below. Backslashes count as slashes, so that a file means the same on every system.
+/// Only a plain relative path is followed, and only to a regular file that really lies (links resolved) in
+/// the folder of `from` or below. Backslashes count as slashes, so that a file means the same on every
+/// system.
 ///
 /// # Errors
 ///

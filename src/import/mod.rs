@@ -1,8 +1,8 @@
 //! Files in, a [`Model`] out: parts, instances, the assembly tree and materials, whatever the format.
 //!
-//! Nothing here welds, cleans or simplifies: a mesh leaves this room as its file states it, with polygons cut into
-//! triangles and every index checked. What had to be skipped is told in [`Model::notes`]; what cannot be read at all
-//! is an [`ImportError`].
+//! Nothing here welds, cleans or simplifies: a mesh leaves this room as its file states it, with polygons cut
+//! into triangles and every index checked. What had to be skipped is told in [`Model::notes`]; what cannot be
+//! read at all is an [`ImportError`].
 
 mod attributes;
 mod error;
@@ -31,11 +31,13 @@ type Importer = fn(&Path) -> Result<Model, Problem>;
 
 /// Reads files of any known format into one model.
 ///
-/// Of one file the model has that file's own root nodes; of several, each file is a root node named after its stem.
+/// Of one file the model has that file's own root nodes; of several, each file is a root node named after its
+/// stem.
 ///
 /// # Errors
 ///
-/// [`ImportError`] if there is no file, one cannot be read or understood, or no triangle is left in any of them.
+/// [`ImportError`] if there is no file, one cannot be read or understood, or no triangle is left in any of
+/// them.
 pub fn read(paths: &[PathBuf]) -> Result<Model, ImportError> {
     let importers = paths
         .iter()
@@ -132,8 +134,8 @@ fn check_instance_count(count: usize) -> Result<(), Problem> {
     if count > MAX_INSTANCES { Err(Problem::TooMany { what: "placements" }) } else { Ok(()) }
 }
 
-/// The name of the `nth` mesh of an object: the object's own, but cut after the first, so that one long name that
-/// many meshes share takes no room that the file does not take.
+/// The name of the `nth` mesh of an object: the object's own, but cut after the first, so that one long name
+/// that many meshes share takes no room that the file does not take.
 fn part_name(name: &str, nth: usize) -> String {
     const SHARED: usize = 256;
     if nth == 0 { name.to_owned() } else { name.chars().take(SHARED).collect() }

@@ -17,7 +17,8 @@ struct Tally {
 }
 
 impl Notes {
-    /// Counts `count` more of `what` (a plural that reads after a number); `first` tells where the first one is.
+    /// Counts `count` more of `what` (a plural that reads after a number); `first` tells where the first one
+    /// is.
     pub fn count(&mut self, what: &'static str, count: u64, first: impl FnOnce() -> String) {
         if count == 0 {
             return;

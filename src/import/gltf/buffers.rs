@@ -19,13 +19,13 @@ pub struct Buffers<'a> {
     buffers: Vec<(usize, usize)>,
 }
 
-/// Fetches all buffers of a document that was read from `path`: the binary chunk, `data:` URIs, and files in the
-/// model's own folder.
+/// Fetches all buffers of a document that was read from `path`: the binary chunk, `data:` URIs, and files in
+/// the model's own folder.
 ///
 /// # Errors
 ///
-/// [`Problem::Reference`] for a file that is missing or elsewhere, [`Problem::Malformed`] for a buffer that holds less
-/// than the document says.
+/// [`Problem::Reference`] for a file that is missing or elsewhere, [`Problem::Malformed`] for a buffer that
+/// holds less than the document says.
 pub fn load<'a>(document: &Document<'a>, path: &Path) -> Result<Buffers<'a>, Problem> {
     let mut buffers =
         Buffers { contents: vec![Cow::Borrowed(document.blob.unwrap_or_default())], buffers: Vec::new() };

@@ -16,8 +16,8 @@ pub struct Document<'a> {
     pub blob: Option<&'a [u8]>,
 }
 
-/// Extensions that may be required because what they change is read (quantised attributes) or is not drawn (textures,
-/// lights); so are all whose name begins with [`MATERIALS`].
+/// Extensions that may be required because what they change is read (quantised attributes) or is not drawn
+/// (textures, lights); so are all whose name begins with [`MATERIALS`].
 const HARMLESS: [&str; 7] = [
     "KHR_mesh_quantization",
     "KHR_texture_transform",

@@ -72,8 +72,8 @@ pub struct Geometry<'a> {
 impl<'a> Geometry<'a> {
     /// Nothing read yet.
     pub fn new(root: &'a Root, buffers: &'a Buffers<'a>) -> Self {
-        // Every corner takes a byte at least, unless accessors overlap: they may, but not so that a small file stands
-        // for gigabytes of geometry.
+        // Every corner takes a byte at least, unless accessors overlap: they may, but not so that a small
+        // file stands for gigabytes of geometry.
         let corners_left = buffers.total_bytes().saturating_mul(4).saturating_add(1 << 20);
         Self {
             accessors: Accessors::new(root, buffers),

@@ -1,11 +1,12 @@
 //! A glTF 2.0 or GLB file in, a [`Model`] out.
 //!
-//! [`document`] opens the container and the JSON, [`buffers`] fetches the bytes, [`accessor`] reads numbers out of
-//! them, [`geometry`] makes a mesh of a primitive, [`nodes`] walks the tree, and this module places one at the other.
+//! [`document`] opens the container and the JSON, [`buffers`] fetches the bytes, [`accessor`] reads numbers
+//! out of them, [`geometry`] makes a mesh of a primitive, [`nodes`] walks the tree, and this module places
+//! one at the other.
 //!
-//! The `gltf` crate supplies the JSON structures; its validation is not used, because it refuses whole files for one
-//! useless primitive and indexes tables before it has checked the index. Every index, count and offset is checked here,
-//! where it is used.
+//! The `gltf` crate supplies the JSON structures; its validation is not used, because it refuses whole files
+//! for one useless primitive and indexes tables before it has checked the index. Every index, count and
+//! offset is checked here, where it is used.
 
 mod accessor;
 mod base64;
@@ -32,9 +33,9 @@ use nodes::Placed;
 ///
 /// # Errors
 ///
-/// [`Problem`] for a container, JSON, buffer or accessor that does not hold together, a node tree that is none, or a
-/// required extension that is not supported. Primitives that are no triangles, triangles with bad corners, and
-/// placements that are not finite are skipped and noted.
+/// [`Problem`] for a container, JSON, buffer or accessor that does not hold together, a node tree that is
+/// none, or a required extension that is not supported. Primitives that are no triangles, triangles with bad
+/// corners, and placements that are not finite are skipped and noted.
 pub(super) fn read(path: &Path) -> Result<Model, Problem> {
     let bytes = fs::read(path).map_err(Problem::Read)?;
     let document = document::parse(&bytes)?;

@@ -16,8 +16,8 @@ pub struct Placed {
     pub world: DAffine3,
 }
 
-/// Lists the nodes below the roots of the default scene: of the first one if none is said to be the default, and below
-/// all nodes without a parent if there is no scene.
+/// Lists the nodes below the roots of the default scene: of the first one if none is said to be the default,
+/// and below all nodes without a parent if there is no scene.
 ///
 /// Takes no stack for depth.
 ///

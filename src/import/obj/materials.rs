@@ -56,8 +56,8 @@ fn load(path: &Path) -> Result<Vec<tobj::Material>, Problem> {
     Ok(materials)
 }
 
-/// Keeps only the statements that are used, and of those only what `tobj` reads: it panics at a colour of fewer than
-/// three numbers, and gives up a whole library for one bad line.
+/// Keeps only the statements that are used, and of those only what `tobj` reads: it panics at a colour of
+/// fewer than three numbers, and gives up a whole library for one bad line.
 fn normalised(text: &str) -> String {
     text.lines().filter_map(|line| normalised_line(line.trim())).collect()
 }

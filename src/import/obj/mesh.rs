@@ -9,8 +9,9 @@ use crate::import::{Colour, SourceMesh};
 
 /// Builds the mesh of a chunk, without a name.
 ///
-/// Vertices are the unique tuples of position, normal and colour, in the order of their first use. Normals are left
-/// out if any corner lacks one or has one without direction. Faces with a broken position are skipped and noted.
+/// Vertices are the unique tuples of position, normal and colour, in the order of their first use. Normals
+/// are left out if any corner lacks one or has one without direction. Faces with a broken position are
+/// skipped and noted.
 pub fn build(meshes: &[tobj::Mesh], notes: &mut Notes) -> SourceMesh {
     let mut builder = Builder { with_normals: meshes.iter().all(has_all_normals), ..Builder::default() };
     for mesh in meshes {

@@ -1,7 +1,7 @@
 //! A Wavefront OBJ file in, a [`Model`] out.
 //!
-//! The text goes through a [`Normaliser`](normalise::Normaliser), which leaves `tobj` only lines that it reads well;
-//! what `tobj` returns is gathered by object, group and material, its polygons are cut into triangles, and each such
+//! The text goes through a [`Normaliser`], which leaves `tobj` only lines that it reads well; what `tobj`
+//! returns is gathered by object, group and material, its polygons are cut into triangles, and each such
 //! chunk becomes one part with one instance. Nodes: an object at the root, its groups below it.
 
 mod materials;
@@ -25,8 +25,8 @@ use normalise::{Chunk, Names, Normaliser};
 ///
 /// # Errors
 ///
-/// [`Problem::Line`] for a vertex that is no three numbers, [`Problem::Read`] if the file cannot be read. Bad faces
-/// are skipped and noted.
+/// [`Problem::Line`] for a vertex that is no three numbers, [`Problem::Read`] if the file cannot be read. Bad
+/// faces are skipped and noted.
 pub(super) fn read(path: &Path) -> Result<Model, Problem> {
     let coloured = normalise::has_vertex_colours(open(path)?).map_err(Problem::Read)?;
     let mut text = Normaliser::new(open(path)?, coloured);

@@ -1,9 +1,10 @@
 //! Any OBJ text in, the small dialect that `tobj` reads without fail out.
 //!
-//! Statements are taken line by line: continued lines are joined, comments and trailing text dropped, line ends
-//! unified; relative indices become absolute; faces that name a missing vertex, and faces of fewer than three different
-//! vertices, are skipped and counted; lines, points and texture coordinates go. What `tobj` gets is `v`, `vn`, `f` and,
-//! before the faces of another object, group or material, a `g` line with the number of that [`Chunk`].
+//! Statements are taken line by line: continued lines are joined, comments and trailing text dropped, line
+//! ends unified; relative indices become absolute; faces that name a missing vertex, and faces of fewer than
+//! three different vertices, are skipped and counted; lines, points and texture coordinates go. What `tobj`
+//! gets is `v`, `vn`, `f` and, before the faces of another object, group or material, a `g` line with the
+//! number of that [`Chunk`].
 
 use std::fmt::Write as _;
 use std::io::{self, BufRead, Read};
@@ -75,8 +76,8 @@ pub struct Normaliser<R> {
 }
 
 impl<R: BufRead> Normaliser<R> {
-    /// Normalises `input`; with `coloured`, every vertex gets a colour (white where it has none), since `tobj` mixes
-    /// up colours unless all vertices have one.
+    /// Normalises `input`; with `coloured`, every vertex gets a colour (white where it has none), since
+    /// `tobj` mixes up colours unless all vertices have one.
     pub fn new(input: R, coloured: bool) -> Self {
         let parsed = Parsed {
             names: Names { names: Vec::new() },

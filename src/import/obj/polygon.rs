@@ -1,8 +1,9 @@
 //! A polygon in, the triangles that cover it out.
 //!
-//! Triangles stay, convex quads are cut along the shorter diagonal, all other polygons by ear clipping in the plane of
-//! their Newell normal. Every vertex of the polygon is a corner of some triangle, also one in the middle of a straight
-//! edge: the neighbouring polygon has it too, and leaving it out would make a T-junction.
+//! Triangles stay, convex quads are cut along the shorter diagonal, all other polygons by ear clipping in the
+//! plane of their Newell normal. Every vertex of the polygon is a corner of some triangle, also one in the
+//! middle of a straight edge: the neighbouring polygon has it too, and leaving it out would make a
+//! T-junction.
 
 use earcut::Earcut;
 use glam::DVec3;
@@ -23,7 +24,8 @@ pub struct Triangulator {
 }
 
 impl Triangulator {
-    /// Fills `triangles` for a polygon of finite positions, keeping its orientation; nothing for fewer than 3 corners.
+    /// Fills `triangles` for a polygon of finite positions, keeping its orientation; nothing for fewer than 3
+    /// corners.
     pub fn triangulate(&mut self, polygon: &[[f32; 3]]) {
         self.triangles.clear();
         if polygon.len() == 3 {
@@ -59,8 +61,8 @@ impl Triangulator {
         }));
     }
 
-    /// Puts corners back that ear clipping left out because they lie on a straight edge: the triangle at that edge
-    /// becomes a fan over all corners on it.
+    /// Puts corners back that ear clipping left out because they lie on a straight edge: the triangle at that
+    /// edge becomes a fan over all corners on it.
     fn keep_every_corner(&mut self) {
         let corners = self.points.len() as u32;
         if self.triangles.is_empty() || self.triangles.len() + 2 >= self.points.len() {

@@ -8,6 +8,7 @@
 pub mod adjacency;
 pub mod cells;
 pub mod collapse;
+pub mod normals;
 pub mod order;
 pub mod part;
 pub mod quadric;

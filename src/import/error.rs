@@ -1,0 +1,85 @@
+//! What can be wrong with input files.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use thiserror::Error;
+
+/// Why no model could be read.
+#[derive(Debug, Error)]
+pub enum ImportError {
+    /// The list of files is empty.
+    #[error("no input file was given; name at least one .obj, .glb or .gltf file")]
+    NoInput,
+    /// A file is unusable.
+    #[error("{problem}: {}", path.display())]
+    File {
+        /// What is wrong.
+        problem: Problem,
+        /// The file that was asked for, even where the problem is in one that it refers to.
+        path: PathBuf,
+    },
+}
+
+/// What is wrong with one file.
+#[derive(Debug, Error)]
+pub enum Problem {
+    /// No importer is registered for the extension.
+    #[error("unknown extension {extension:?}; known are {known}")]
+    UnknownExtension {
+        /// The extension in lower case, without a dot; empty if the file has none.
+        extension: String,
+        /// All that are known.
+        known: String,
+    },
+    /// The file is missing or may not be read.
+    #[error("cannot read the file ({0})")]
+    Read(#[source] io::Error),
+    /// A folder or a device.
+    #[error("this is not a file")]
+    NotAFile,
+    /// Zero bytes.
+    #[error("the file is empty")]
+    Empty,
+    /// The file is text, and one line of it makes no sense.
+    #[error("line {line}: {what}")]
+    Line {
+        /// The line, counted from 1.
+        line: u64,
+        /// What is wrong with it.
+        what: String,
+    },
+    /// The file breaks its format.
+    #[error("{0}")]
+    Malformed(String),
+    /// The file cannot be understood without an extension that is not supported.
+    #[error("requires {0}, which is not supported")]
+    Extension(String),
+    /// A file that this file refers to is missing or refused.
+    #[error("refers to {reference}, {why}")]
+    Reference {
+        /// The reference as written, shortened and quoted.
+        reference: String,
+        /// Why it cannot be followed.
+        why: String,
+    },
+    /// More than the program's tables can hold.
+    #[error("the model has too many {what}")]
+    TooMany {
+        /// Of what.
+        what: &'static str,
+    },
+    /// Everything was read, but there is nothing to draw.
+    #[error("no triangles{}", if notes.is_empty() { String::new() } else { format!(" ({notes})") })]
+    NoTriangles {
+        /// What was skipped.
+        notes: String,
+    },
+}
+
+impl Problem {
+    /// The error of a file with this problem.
+    pub(super) fn at(self, path: &Path) -> ImportError {
+        ImportError::File { problem: self, path: path.to_owned() }
+    }
+}

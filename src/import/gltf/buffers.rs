@@ -1,0 +1,130 @@
+//! The buffers that a document names in, their bytes out.
+
+use std::borrow::Cow;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use ::gltf::json::{Buffer, Index, Root, buffer::View};
+use rustc_hash::FxHashMap;
+
+use super::base64;
+use super::document::Document;
+use crate::import::notes::quoted;
+use crate::import::{Problem, folder};
+
+/// The bytes of all buffers.
+pub struct Buffers<'a> {
+    contents: Vec<Cow<'a, [u8]>>,
+    /// For each buffer its place in `contents` (several may share one file) and its length.
+    buffers: Vec<(usize, usize)>,
+}
+
+/// Fetches all buffers of a document that was read from `path`: the binary chunk, `data:` URIs, and files in
+/// the model's own folder.
+///
+/// # Errors
+///
+/// [`Problem::Reference`] for a file that is missing or elsewhere, [`Problem::Malformed`] for a buffer that
+/// holds less than the document says.
+pub fn load<'a>(document: &Document<'a>, path: &Path) -> Result<Buffers<'a>, Problem> {
+    let mut buffers =
+        Buffers { contents: vec![Cow::Borrowed(document.blob.unwrap_or_default())], buffers: Vec::new() };
+    let mut files = FxHashMap::default();
+    for (index, buffer) in document.root.buffers.iter().enumerate() {
+        let place = match &buffer.uri {
+            Some(uri) => buffers.fetch(uri, path, &mut files)?,
+            None => 0,
+        };
+        let found = buffers.contents[place].len();
+        let length = usize::try_from(buffer.byte_length.0).ok().filter(|&length| length <= found);
+        let Some(length) = length else {
+            let declared = buffer.byte_length.0;
+            let what = format!(
+                "buffer {index} is cut short: it should have {declared} bytes, but there are {found}"
+            );
+            return Err(Problem::Malformed(what));
+        };
+        buffers.buffers.push((place, length));
+    }
+    Ok(buffers)
+}
+
+impl Buffers<'_> {
+    /// Adds what the URI refers to; returns its place.
+    fn fetch(
+        &mut self,
+        uri: &str,
+        from: &Path,
+        files: &mut FxHashMap<PathBuf, usize>,
+    ) -> Result<usize, Problem> {
+        if let Some(data) = uri.strip_prefix("data:") {
+            let encoded = data.split_once(";base64,").map(|(_, encoded)| encoded);
+            let decoded = encoded.and_then(|encoded| base64::decode(encoded.as_bytes()));
+            let bytes = decoded.ok_or_else(|| {
+                Problem::Malformed(format!("the data of a buffer is not base64: {}", quoted(uri)))
+            })?;
+            self.contents.push(Cow::Owned(bytes));
+            return Ok(self.contents.len() - 1);
+        }
+        let file = folder::resolve(from, uri).or_else(|_| folder::resolve(from, &percent_decoded(uri)))?;
+        if let Some(&place) = files.get(&file) {
+            return Ok(place);
+        }
+        self.contents.push(Cow::Owned(fs::read(&file).map_err(Problem::Read)?));
+        files.insert(file, self.contents.len() - 1);
+        Ok(self.contents.len() - 1)
+    }
+
+    /// How many bytes there are in all.
+    pub fn total_bytes(&self) -> usize {
+        self.contents.iter().map(|content| content.len()).sum()
+    }
+
+    /// The bytes of a buffer view, and its stride if it has one.
+    pub fn view(&self, root: &Root, index: Index<View>) -> Result<(&[u8], Option<usize>), Problem> {
+        let malformed = |what: &str| Problem::Malformed(format!("buffer view {index} {what}"));
+        let view = root.buffer_views.get(index.value()).ok_or_else(|| malformed("is not there"))?;
+        let bytes = self.buffer(view.buffer).ok_or_else(|| malformed("names a buffer that is not there"))?;
+        let offset = usize::try_from(view.byte_offset.map_or(0, |offset| offset.0)).ok();
+        let length = usize::try_from(view.byte_length.0).ok();
+        let range =
+            offset.zip(length).and_then(|(offset, length)| bytes.get(offset..offset.checked_add(length)?));
+        let range = range.ok_or_else(|| {
+            let (length, whole) = (view.byte_length.0, bytes.len());
+            malformed(&format!("of {length} bytes lies beyond the end of its buffer of {whole}"))
+        })?;
+        Ok((range, view.byte_stride.map(|stride| stride.0).filter(|&stride| stride > 0)))
+    }
+
+    fn buffer(&self, index: Index<Buffer>) -> Option<&[u8]> {
+        let &(place, length) = self.buffers.get(index.value())?;
+        self.contents[place].get(..length)
+    }
+}
+
+/// Replaces `%` and two hexadecimal digits by the byte they stand for.
+fn percent_decoded(uri: &str) -> String {
+    let mut bytes = Vec::with_capacity(uri.len());
+    let mut rest = uri.as_bytes();
+    while let [first, tail @ ..] = rest {
+        let digits = tail.first_chunk::<2>().filter(|_| *first == b'%');
+        let decoded = digits.and_then(|[high, low]| {
+            let digit = |c: &u8| char::from(*c).to_digit(16);
+            Some((digit(high)? * 16 + digit(low)?) as u8)
+        });
+        bytes.push(decoded.unwrap_or(*first));
+        rest = if decoded.is_some() { &tail[2..] } else { tail };
+    }
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percent_signs_are_decoded() {
+        assert_eq!(percent_decoded("a%20b%2Fc%c3%a9%"), "a b/cé%");
+        assert_eq!(percent_decoded("%%41%4"), "%A%4");
+    }
+}

@@ -1,0 +1,134 @@
+//! A glTF 2.0 or GLB file in, a [`Model`] out.
+//!
+//! [`document`] opens the container and the JSON, [`buffers`] fetches the bytes, [`accessor`] reads numbers
+//! out of them, [`geometry`] makes a mesh of a primitive, [`nodes`] walks the tree, and this module places
+//! one at the other.
+//!
+//! The `gltf` crate supplies the JSON structures; its validation is not used, because it refuses whole files
+//! for one useless primitive and indexes tables before it has checked the index. Every index, count and
+//! offset is checked here, where it is used.
+
+mod accessor;
+mod base64;
+mod buffers;
+mod document;
+mod geometry;
+mod materials;
+mod nodes;
+
+use std::fs;
+use std::path::Path;
+
+use ::gltf::json::Root;
+use ::gltf::json::mesh::Primitive;
+use rustc_hash::FxHashMap;
+
+use super::notes::{Notes, quoted};
+use super::{Instance, Material, Model, Problem, check_instance_count, index_of, part_name};
+use buffers::Buffers;
+use geometry::{Geometry, GeometryKey};
+use nodes::Placed;
+
+/// Reads one glTF or GLB file and the buffers beside it.
+///
+/// # Errors
+///
+/// [`Problem`] for a container, JSON, buffer or accessor that does not hold together, a node tree that is
+/// none, or a required extension that is not supported. Primitives that are no triangles, triangles with bad
+/// corners, and placements that are not finite are skipped and noted.
+pub(super) fn read(path: &Path) -> Result<Model, Problem> {
+    let bytes = fs::read(path).map_err(Problem::Read)?;
+    let document = document::parse(&bytes)?;
+    let buffers = buffers::load(&document, path)?;
+    let placed = nodes::walk(&document.root)?;
+    let materials = materials::read(&document);
+    Importer::new(&document.root, &buffers, materials).import(placed)
+}
+
+struct Importer<'a> {
+    root: &'a Root,
+    geometry: Geometry<'a>,
+    /// Meshes by what they are made of; `None` where nothing could be made of it.
+    meshes: FxHashMap<GeometryKey, Option<u32>>,
+    model: Model,
+    notes: Notes,
+}
+
+impl<'a> Importer<'a> {
+    fn new(root: &'a Root, buffers: &'a Buffers<'a>, materials: Vec<Material>) -> Self {
+        Self {
+            root,
+            geometry: Geometry::new(root, buffers),
+            meshes: FxHashMap::default(),
+            model: Model { materials, ..Model::default() },
+            notes: Notes::default(),
+        }
+    }
+
+    /// Places the primitives of every node's mesh.
+    fn import(mut self, placed: Vec<Placed>) -> Result<Model, Problem> {
+        for (number, node) in placed.into_iter().enumerate() {
+            self.place_mesh(number as u32, &node)?;
+            self.model.nodes.push(node.node);
+        }
+        self.geometry.take_notes(&mut self.notes);
+        self.model.notes = self.notes.into_lines();
+        Ok(self.model)
+    }
+
+    fn place_mesh(&mut self, number: u32, placed: &Placed) -> Result<(), Problem> {
+        let Some(index) = placed.mesh else { return Ok(()) };
+        let name = &placed.node.name;
+        let Some(mesh) = self.root.meshes.get(index) else {
+            return Err(Problem::Malformed(format!(
+                "node {} names mesh {index}, which is not there",
+                quoted(name)
+            )));
+        };
+        if !placed.world.is_finite() {
+            let what = "nodes with a mesh skipped whose transform is not finite";
+            self.notes.count(what, 1, || quoted(name));
+            return Ok(());
+        }
+        let part = mesh.name.as_ref().filter(|own| !own.is_empty()).unwrap_or(name);
+        check_instance_count(self.model.instances.len() + mesh.primitives.len())?;
+        for (nth, primitive) in mesh.primitives.iter().enumerate() {
+            let Some(mesh) = self.mesh_of(primitive, part, nth)? else { continue };
+            let material = self.material_of(primitive, part);
+            let instance = Instance { mesh, node: number, material, world_from_part: placed.world };
+            self.model.instances.push(instance);
+        }
+        Ok(())
+    }
+
+    /// The mesh of a primitive: the same one for all primitives made of the same accessors.
+    fn mesh_of(&mut self, primitive: &Primitive, name: &str, nth: usize) -> Result<Option<u32>, Problem> {
+        let Some(key) = GeometryKey::of(primitive, name, &mut self.notes) else { return Ok(None) };
+        if let Some(&known) = self.meshes.get(&key) {
+            return Ok(known);
+        }
+        let mesh = self.geometry.read(key, name)?;
+        let index = match mesh {
+            Some(mut mesh) => {
+                mesh.name = part_name(name, nth);
+                self.model.meshes.push(mesh);
+                Some(index_of(self.model.meshes.len() - 1)?)
+            }
+            None => None,
+        };
+        self.meshes.insert(key, index);
+        Ok(index)
+    }
+
+    /// The primitive's material, the default if it has none.
+    fn material_of(&mut self, primitive: &Primitive, name: &str) -> u32 {
+        // Material 0 of the model is the default, so the file's begin at 1.
+        let material = primitive.material.map_or(0, |index| index.value() + 1);
+        if material < self.model.materials.len() {
+            return material as u32;
+        }
+        let what = "placements name a material that is not there, and get the default";
+        self.notes.count(what, 1, || quoted(name));
+        0
+    }
+}

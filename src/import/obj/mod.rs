@@ -1,0 +1,144 @@
+//! A Wavefront OBJ file in, a [`Model`] out.
+//!
+//! The text goes through a [`Normaliser`], which leaves `tobj` only lines that it reads well; what `tobj`
+//! returns is gathered by object, group and material, its polygons are cut into triangles, and each such
+//! chunk becomes one part with one instance. Nodes: an object at the root, its groups below it.
+
+mod materials;
+mod mesh;
+mod normalise;
+mod polygon;
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+use glam::DAffine3;
+use rustc_hash::FxHashMap;
+
+use super::notes::{Notes, quoted};
+use super::{Instance, Model, Node, Problem, SourceMesh, index_of, part_name, stem_of};
+use materials::Materials;
+use normalise::{Chunk, Names, Normaliser};
+
+/// Reads one OBJ file and the material libraries beside it.
+///
+/// # Errors
+///
+/// [`Problem::Line`] for a vertex that is no three numbers, [`Problem::Read`] if the file cannot be read. Bad
+/// faces are skipped and noted.
+pub(super) fn read(path: &Path) -> Result<Model, Problem> {
+    let coloured = normalise::has_vertex_colours(open(path)?).map_err(Problem::Read)?;
+    let mut text = Normaliser::new(open(path)?, coloured);
+    let options = tobj::LoadOptions::default();
+    // The normaliser keeps `mtllib` lines to itself, so the loader is never asked.
+    let loaded = tobj::load_obj_buf(&mut text, &options, |_| Err(tobj::LoadError::OpenFileFailed));
+    let parsed = text.finish()?;
+    let (models, _) =
+        loaded.map_err(|error| Problem::Malformed(format!("the OBJ text is malformed ({error})")))?;
+
+    let mut notes = parsed.notes;
+    let materials = materials::read(path, &parsed.libraries, &mut notes);
+    let mut assembly = Assembly::new(materials, &parsed.names, stem_of(path));
+    for (chunk, meshes) in parsed.chunks.iter().zip(by_chunk(models, parsed.chunks.len())) {
+        let mesh = mesh::build(&meshes, &mut notes);
+        if !mesh.triangles.is_empty() {
+            assembly.place(*chunk, mesh, &mut notes)?;
+        }
+    }
+    let mut model = assembly.model;
+    model.notes = notes.into_lines();
+    Ok(model)
+}
+
+fn open(path: &Path) -> Result<BufReader<File>, Problem> {
+    Ok(BufReader::with_capacity(1 << 16, File::open(path).map_err(Problem::Read)?))
+}
+
+/// Sorts what `tobj` returned by the chunk numbers that the normaliser gave it as names.
+fn by_chunk(models: Vec<tobj::Model>, chunk_count: usize) -> Vec<Vec<tobj::Mesh>> {
+    let mut sorted = vec![Vec::new(); chunk_count];
+    for model in models {
+        let chunk = model.name.parse().ok().and_then(|chunk: usize| sorted.get_mut(chunk));
+        if let Some(meshes) = chunk {
+            meshes.push(model.mesh);
+        }
+    }
+    sorted
+}
+
+/// The model while it grows.
+struct Assembly<'a> {
+    model: Model,
+    materials: FxHashMap<String, u32>,
+    names: &'a Names,
+    stem: String,
+    /// Nodes by object and group name.
+    nodes: FxHashMap<(u32, u32), Placed>,
+}
+
+/// A node, and how many parts it places so far.
+#[derive(Clone, Copy)]
+struct Placed {
+    node: u32,
+    parts: usize,
+}
+
+impl<'a> Assembly<'a> {
+    fn new(materials: Materials, names: &'a Names, stem: String) -> Self {
+        let model = Model { materials: materials.list, ..Model::default() };
+        Self { model, materials: materials.by_name, names, stem, nodes: FxHashMap::default() }
+    }
+
+    /// Makes a part of the mesh, and an instance at the node of its group.
+    fn place(&mut self, chunk: Chunk, mut mesh: SourceMesh, notes: &mut Notes) -> Result<(), Problem> {
+        let placed = self.node_of(chunk.object, chunk.group)?;
+        let node = &self.model.nodes[placed.node as usize];
+        mesh.name = part_name(&node.name, placed.parts);
+        let material = self.material_of(chunk, notes);
+        let instance = Instance {
+            mesh: index_of(self.model.meshes.len())?,
+            node: placed.node,
+            material,
+            world_from_part: DAffine3::IDENTITY,
+        };
+        self.model.meshes.push(mesh);
+        self.model.instances.push(instance);
+        self.nodes.insert((chunk.object, chunk.group), Placed { parts: placed.parts + 1, ..placed });
+        Ok(())
+    }
+
+    /// The node of an object's group, made when first asked for.
+    fn node_of(&mut self, object: u32, group: u32) -> Result<Placed, Problem> {
+        if let Some(&placed) = self.nodes.get(&(object, group)) {
+            return Ok(placed);
+        }
+        let parent = match (object, group) {
+            (0, _) | (_, 0) => None,
+            _ => Some(self.node_of(object, 0)?.node),
+        };
+        let name = match if group == 0 { object } else { group } {
+            0 => self.stem.clone(),
+            named => self.names.get(named).to_owned(),
+        };
+        let placed = Placed { node: index_of(self.model.nodes.len())?, parts: 0 };
+        self.model.nodes.push(Node { name, parent });
+        self.nodes.insert((object, group), placed);
+        Ok(placed)
+    }
+
+    /// The chunk's material; the default where none of that name is defined.
+    fn material_of(&self, chunk: Chunk, notes: &mut Notes) -> u32 {
+        let name = self.names.get(chunk.material);
+        if name.is_empty() {
+            return 0;
+        }
+        // A name may hold a number sign, or be followed by a comment.
+        let bare = name.split(" #").next().unwrap_or(name).trim_end();
+        self.materials.get(name).or_else(|| self.materials.get(bare)).copied().unwrap_or_else(|| {
+            let what = "parts use a material that is not defined, and get the default";
+            notes.count(what, 1, || quoted(name));
+            0
+        })
+    }
+}

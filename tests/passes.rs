@@ -2,6 +2,8 @@
 //!
 //! A machine without an adapter fails these tests, unless `COLLAPSAR_NO_GPU=1` says that it has none.
 
+#![expect(clippy::unwrap_used, reason = "helpers of tests fail by panicking, as tests do")]
+
 use std::sync::OnceLock;
 
 use bytemuck::Pod;
@@ -247,10 +249,10 @@ impl Frame {
     fn push(&mut self, instance: usize, change: &Change) {
         let kept = kept(change);
         let [old_ecol, new_ecol] = [change.old.counts[1], change.new.counts[1]];
-        for s in 0..3 {
+        for (s, kept) in kept.into_iter().enumerate() {
             self.old[s].push(change.old.counts[s]);
             self.new[s].push(change.new.counts[s]);
-            self.streamed[s].push(change.new.counts[s] - kept[s]);
+            self.streamed[s].push(change.new.counts[s] - kept);
         }
         if change.old != change.new {
             let [vertices, ecol, triangles] = std::array::from_fn(|s| granted(change, s));
@@ -909,6 +911,22 @@ fn wrong_calls_become_errors_and_not_panics() {
     encoder.copy_buffer_to_buffer(&small, 0, &small, 8, 64);
     assert!(matches!(own.submit(encoder), Err(GpuError::Invalid(_))));
     assert_eq!(own.check(), Ok(()));
+}
+
+#[test]
+fn a_device_that_is_gone_is_an_error_and_not_a_panic() {
+    if gpu().is_none() {
+        return;
+    }
+    let own = Gpu::new(&GpuOptions::default()).unwrap();
+    let mut pass = PrefixSum::new(&own);
+    let [input, sums] = [upload(&own, &[1u32; 8]), poisoned::<u32>(&own, 9)];
+    own.device.destroy();
+    let mut encoder = own.encoder("gone");
+    pass.record(&own, &mut encoder.begin_compute_pass(&Default::default()), &input, 8, &sums).unwrap();
+    let submitted = own.submit(encoder);
+    let reread = readback::read(&own, &sums, 0..36);
+    assert!(submitted.is_err() || reread.is_err(), "{submitted:?}, {reread:?}");
 }
 
 #[test]

@@ -36,7 +36,7 @@ fn log2_exact(x: f32) -> f32 {
     let t = add(bitcast<f32>(mantissa | ((127u - upper) << 23u)), -1.0);
     var p = 0.12310968;
     p = add(mul(p, t), -0.20586188);
-    p = add(mul(p, t), 0.216078226);
+    p = add(mul(p, t), 0.21607822);
     p = add(mul(p, t), -0.23916988);
     p = add(mul(p, t), 0.28790326);
     p = add(mul(p, t), -0.36069327);

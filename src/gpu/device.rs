@@ -6,7 +6,6 @@
 use std::sync::Arc;
 
 use parking_lot::Mutex;
-use wgpu::util::DeviceExt;
 
 /// The environment variable with a part of the wanted adapter's name.
 pub const ADAPTER_VARIABLE: &str = "COLLAPSAR_ADAPTER";
@@ -170,13 +169,20 @@ impl Gpu {
         self.buffer(label, size_bytes, Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST)
     }
 
-    /// A uniform buffer with this content.
+    /// A uniform buffer with this content. That it could not be made shows at the next [`Gpu::check`].
     pub fn uniform<T: bytemuck::Pod>(&self, label: &str, value: &T) -> wgpu::Buffer {
-        self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some(label),
-            contents: bytemuck::bytes_of(value),
+            size: (size_of::<T>() as u64).next_multiple_of(wgpu::COPY_BUFFER_ALIGNMENT),
             usage: wgpu::BufferUsages::UNIFORM,
-        })
+            mapped_at_creation: true,
+        });
+        // No range: there was no memory, or the device is lost, and that has been reported.
+        if let Ok(mut view) = buffer.get_mapped_range_mut(0..size_of::<T>() as u64) {
+            view.copy_from_slice(bytemuck::bytes_of(value));
+        }
+        buffer.unmap();
+        buffer
     }
 
     /// An encoder for commands.

@@ -134,17 +134,14 @@ impl Renderer {
         fits(limit, [whole.vertices, whole.ecol, whole.triangles], whole.words())
     }
 
-    /// What every batch is sent under the strategy. A batch in which nothing changes is sent nothing at rest; while
-    /// anything moves, `whole` and `per-part` send all of it, as they must.
+    /// What every batch is sent under the strategy: its deltas, or all of it in every frame, as in the paper.
     pub(super) fn plan_uploads(&mut self, deltas: &[Vec<Delta>]) -> Vec<BatchUpload> {
-        let changed = deltas.iter().any(|deltas| !deltas.is_empty());
         let strategy = self.settings.strategy;
         let uploads = self
             .batches
             .iter()
             .zip(deltas)
             .map(|(batch, deltas)| match strategy {
-                _ if !changed => BatchUpload::default(),
                 Strategy::Coherent => self.upload_of(batch, deltas),
                 Strategy::Whole | Strategy::PerPart => self.upload_of(batch, &self.everything_of(batch)),
             })

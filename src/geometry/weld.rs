@@ -2,7 +2,9 @@
 //!
 //! CAD tessellation arrives as one patch per face, so the same position appears several times with different normals.
 //! Positions that fall on one grid point are one position; each distinct (position, normal, colour) is one wedge,
-//! which later is one vertex. Degenerate and repeated triangles are dropped and counted. Positions and wedges leave
+//! which later is one vertex. Degenerate and repeated triangles are dropped and counted; a triangle on the back of
+//! another counts as repeated, because both sides of a surface are drawn, and because such sheets of two layers would
+//! be non-manifold at every edge, so that nothing of them could collapse. Positions and wedges leave
 //! in Morton order and triangles in the order of their least position, because everything after this walks the mesh
 //! along its surface.
 
@@ -31,7 +33,7 @@ pub struct WeldedMesh {
     pub coloured: bool,
     /// Triangles dropped because two corners share a position.
     pub degenerate: usize,
-    /// Triangles dropped because an earlier one has the same corners in the same turn.
+    /// Triangles dropped because an earlier one has the same corners, whichever way it faces.
     pub duplicate: usize,
 }
 
@@ -171,9 +173,10 @@ impl WeldedMesh {
                 self.degenerate += 1;
                 continue;
             }
-            let key = rotated_to_least([a, b, c]);
-            if seen.insert(key) {
-                keyed.push((key, wedges));
+            let mut corners = [a, b, c];
+            corners.sort_unstable();
+            if seen.insert(corners) {
+                keyed.push((corners, wedges));
             } else {
                 self.duplicate += 1;
             }
@@ -206,17 +209,6 @@ impl WeldedMesh {
         }
         (self.positions, self.wedges, self.wedge_position) =
             (kept.positions, kept.wedges, kept.wedge_position);
-    }
-}
-
-/// The corners turned so that the least comes first: equal for triangles with the same corners and the same turn.
-pub(super) fn rotated_to_least([a, b, c]: [u32; 3]) -> [u32; 3] {
-    if a <= b && a <= c {
-        [a, b, c]
-    } else if b <= a && b <= c {
-        [b, c, a]
-    } else {
-        [c, a, b]
     }
 }
 

@@ -14,6 +14,10 @@ use crate::geometry::record::Stall;
 const MEMORYLESS: f32 = 0.9;
 /// The weight of boundary planes against the surface's own, per squared edge length.
 const BOUNDARY_WEIGHT: f32 = 10.0;
+/// Two triangles fold when the sum of their outward directions is longer than this: a dihedral angle below 80 degrees.
+const FOLD: f32 = 1.53;
+/// Any other number of triangles bounds a surface when theirs is longer than this.
+const OPEN: f32 = 0.7;
 /// The same for creases, which the planes of both sides hold already where they are sharp.
 const CREASE_WEIGHT: f32 = 0.5;
 /// The least cosine between a triangle's normal before and after a strict collapse.
@@ -22,14 +26,31 @@ pub(crate) const FLIP_LIMIT: f32 = 0.2;
 const SMEAR_LIMIT: f32 = 0.9;
 /// A slight preference for short edges, which decides on flat ground.
 const SHORTNESS: f32 = 1e-6;
+/// What a turned triangle or a smeared crease costs: the ring's area times this share of the squared edge length.
+const LOOSE_PRICE: f32 = 0.02;
+/// The same for a change of topology at a junction of sheets.
+const JUNCTION_PRICE: f32 = 0.1;
+/// Pieces of at most so many positions vanish whole when nothing of them can collapse.
+const LARGEST_PIECE: usize = 32;
 /// At most so many targets are put to the guards, cheapest first: keeps a hub's evaluation linear in its valence.
 const TARGETS_TRIED: usize = 24;
 
-/// A collapse that is allowed now.
+/// What can be done with a position now.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Candidate {
-    pub target: u32,
+    pub action: Action,
     pub cost: f32,
+    /// The guards that hold.
+    pub phase: Phase,
+}
+
+/// A step of the order.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Action {
+    /// The position goes onto this neighbour.
+    Collapse(u32),
+    /// The connected piece that the position belongs to goes as a whole.
+    Vanish,
 }
 
 /// One neighbour of the position at hand.
@@ -42,6 +63,25 @@ struct Neighbour {
     wedge: u32,
     /// Whether another of them names a different one.
     crease: bool,
+    /// The sum of the outward directions of its triangles across the edge: nothing where a surface goes on smoothly,
+    /// a unit vector at an open edge, two where a sheet folds back onto itself.
+    conormal: Vec3,
+}
+
+impl Neighbour {
+    /// The plane that holds the edge where it bounds the surface, and its weight. The planes of the triangles
+    /// themselves hold the surface only across, never along.
+    fn bounding_plane(&self) -> Option<(Vec3, f32)> {
+        let length = self.conormal.length();
+        let limit = if self.faces == 2 { FOLD } else { OPEN };
+        if length > limit {
+            Some((self.conormal / length, BOUNDARY_WEIGHT))
+        } else if self.crease && length > 0.0 {
+            Some((self.conormal / length, CREASE_WEIGHT))
+        } else {
+            None
+        }
+    }
 }
 
 /// The unchanging part of the problem.
@@ -58,10 +98,13 @@ pub(super) struct Evaluator {
     neighbours: Vec<Neighbour>,
     /// For each position: the stamp of the last ring it was in, and its index there.
     mark: Vec<(u32, u32)>,
-    /// For each position: the stamp of the last common neighbourhood it was counted in.
-    counted: Vec<u32>,
     stamp: u32,
+    /// For each position: the last count that it was in, of common neighbours or of the positions of a piece.
+    counted: Vec<u32>,
+    count: u32,
     by_cost: Vec<(f32, u32)>,
+    /// Positions of the piece that [`Action::Vanish`] is about.
+    pub piece: Vec<u32>,
     /// From wedges of the position to wedges of the target, filled by [`Evaluator::map_wedges`].
     pub mapping: Vec<(u32, u32)>,
 }
@@ -72,43 +115,117 @@ impl Evaluator {
             faces: Vec::new(),
             neighbours: Vec::new(),
             mark: vec![(0, 0); positions],
-            counted: vec![0; positions],
             stamp: 0,
+            counted: vec![0; positions],
+            count: 0,
             by_cost: Vec::new(),
+            piece: Vec::new(),
             mapping: Vec::new(),
         }
     }
 
-    /// The cheapest allowed collapse of a position, or why there is none.
+    /// The cheapest allowed step for a position, or why there is none.
+    ///
+    /// The guards are relaxed one after the other only where nothing else is allowed, and at a price: what is stuck
+    /// must not stay while everything around it goes.
     pub fn best(
         &mut self,
         mesh: &mut CornerMesh,
         setting: &Setting<'_>,
         accumulated: &[Quadric],
         position: u32,
-        phase: Phase,
     ) -> Result<Candidate, Stall> {
         if setting.locked[position as usize] {
             return Err(Stall::Boundary);
         }
         self.collect(mesh, position);
-        let feature = self.feature_degree(phase)?;
+        if self.faces.is_empty() {
+            return Err(Stall::None);
+        }
         let ring = self.ring_quadric(setting, position);
-        self.rank_targets(setting, accumulated, position, ring, feature);
-        let mut cause = if self.by_cost.is_empty() { Stall::Boundary } else { Stall::None };
+        let chain = self.chain();
+        self.rank_targets(setting, accumulated, position, ring, chain == Some(true));
+        let mut stall = if chain.is_none() { Stall::NonManifold } else { Stall::None };
+        for phase in [Phase::Strict, Phase::Loose, Phase::Junctions] {
+            if chain.is_none() && phase < Phase::Junctions {
+                continue;
+            }
+            match self.first_allowed(mesh, setting, position, phase) {
+                Ok((target, cost)) => {
+                    let cost = cost + self.price(setting, position, target, ring.1, phase);
+                    return Ok(Candidate { action: Action::Collapse(target), cost, phase });
+                }
+                Err(cause) => stall = if stall == Stall::None { cause } else { stall },
+            }
+        }
+        self.vanishing(mesh, setting, position).ok_or(stall)
+    }
+
+    /// What relaxing the guards costs: as if the surface had moved by a share of the edge.
+    fn price(&self, setting: &Setting<'_>, position: u32, target: u32, area: f32, phase: Phase) -> f32 {
+        let share = match phase {
+            Phase::Strict => return 0.0,
+            Phase::Loose => LOOSE_PRICE,
+            _ => JUNCTION_PRICE,
+        };
+        share * area * setting.points[position as usize].distance_squared(setting.points[target as usize])
+    }
+
+    fn first_allowed(
+        &mut self,
+        mesh: &CornerMesh,
+        setting: &Setting<'_>,
+        position: u32,
+        phase: Phase,
+    ) -> Result<(u32, f32), Stall> {
+        let mut stall = Stall::None;
         for i in 0..self.by_cost.len().min(TARGETS_TRIED) {
             let (cost, slot) = self.by_cost[i];
             match self.guard(mesh, setting, position, slot, phase) {
-                Ok(()) => return Ok(Candidate { target: self.neighbours[slot as usize].position, cost }),
-                Err(stall) => cause = if cause == Stall::None { stall } else { cause },
+                Ok(()) => return Ok((self.neighbours[slot as usize].position, cost)),
+                Err(cause) => stall = if stall == Stall::None { cause } else { stall },
             }
         }
-        Err(cause)
+        Err(stall)
+    }
+
+    /// A small piece that nothing can collapse vanishes whole, at the price of its size.
+    fn vanishing(&mut self, mesh: &CornerMesh, setting: &Setting<'_>, position: u32) -> Option<Candidate> {
+        self.piece.clear();
+        self.piece.push(position);
+        let stamp = self.next_count();
+        self.counted[position as usize] = stamp;
+        let mut at = 0;
+        while at < self.piece.len() {
+            for face in mesh.faces(self.piece[at]) {
+                for other in face.positions {
+                    if std::mem::replace(&mut self.counted[other as usize], stamp) != stamp {
+                        self.piece.push(other);
+                    }
+                }
+            }
+            at += 1;
+            if self.piece.len() > LARGEST_PIECE {
+                return None;
+            }
+        }
+        let corners: u32 = self.piece.iter().map(|&p| mesh.valence[p as usize]).sum();
+        let all = corners as usize / 3 >= mesh.live_triangles;
+        if all || self.piece.iter().any(|&p| setting.locked[p as usize]) {
+            return None;
+        }
+        let size = piece_size(setting, &self.piece);
+        Some(Candidate { action: Action::Vanish, cost: size.powi(4), phase: Phase::Vanish })
     }
 
     fn next_stamp(&mut self) -> u32 {
         self.stamp += 1;
         self.stamp
+    }
+
+    fn next_count(&mut self) -> u32 {
+        self.count += 1;
+        self.count
     }
 
     /// Fills `faces` and `neighbours` and marks the ring.
@@ -125,36 +242,37 @@ impl Evaluator {
                     neighbour.crease |= neighbour.wedge != face.wedge;
                 } else {
                     *mark = (stamp, self.neighbours.len() as u32);
-                    let entry = Neighbour { position: other, faces: 1, wedge: face.wedge, crease: false };
+                    let entry = Neighbour {
+                        position: other,
+                        faces: 1,
+                        wedge: face.wedge,
+                        crease: false,
+                        conormal: Vec3::ZERO,
+                    };
                     self.neighbours.push(entry);
                 }
             }
         }
     }
 
-    /// How many edges of the position have other than two triangles: 0 inside, 2 along a boundary or a seam where
-    /// sheets meet. Anything else is a junction, which moves only in the last phase.
-    fn feature_degree(&self, phase: Phase) -> Result<usize, Stall> {
-        if self.faces.is_empty() {
-            return Err(Stall::None);
+    /// Whether edges with other than two triangles form a chain through the position: `Some(false)` if it has none,
+    /// `Some(true)` along a boundary or a seam where sheets meet, `None` at a junction of such edges.
+    fn chain(&self) -> Option<bool> {
+        let mut features = self.neighbours.iter().filter(|n| n.faces != 2).map(|n| n.faces);
+        match (features.next(), features.next(), features.next()) {
+            (None, _, _) => Some(false),
+            (Some(first), Some(second), None) if first == second => Some(true),
+            _ => None,
         }
-        let mut features = self.neighbours.iter().filter(|n| n.faces != 2);
-        let first = features.next().map(|n| n.faces);
-        let second = features.next().map(|n| n.faces);
-        let degree = self.neighbours.iter().filter(|n| n.faces != 2).count();
-        let chain = degree == 0 || degree == 2 && first == second;
-        if !chain && phase != Phase::Junctions {
-            return Err(Stall::NonManifold);
-        }
-        Ok(if chain { degree } else { 0 })
     }
 
-    /// The quadric of the current ring: its planes, and planes along open edges and creases.
-    fn ring_quadric(&self, setting: &Setting<'_>, position: u32) -> (Quadric, f32) {
+    /// The quadric of the current ring: its planes, and planes along the edges that bound it.
+    fn ring_quadric(&mut self, setting: &Setting<'_>, position: u32) -> (Quadric, f32) {
         let origin = setting.points[position as usize];
         let mut quadric = Quadric::default();
         let mut total = 0.0;
-        for face in &self.faces {
+        for i in 0..self.faces.len() {
+            let face = self.faces[i];
             let [a, b] = face.positions.map(|p| setting.points[p as usize] - origin);
             let cross = a.cross(b);
             let twice = cross.length();
@@ -164,15 +282,16 @@ impl Evaluator {
             let normal = cross / twice;
             total += 0.5 * twice;
             quadric.add_plane(normal, 0.5 * twice);
-            for (edge, other) in [a, b].into_iter().zip(face.positions) {
-                let neighbour = self.neighbours[self.mark[other as usize].1 as usize];
-                let weight = match (neighbour.faces, neighbour.crease) {
-                    (2, false) => continue,
-                    (2, true) => CREASE_WEIGHT,
-                    _ => BOUNDARY_WEIGHT,
-                };
-                let along = edge.cross(normal).normalize_or_zero();
-                quadric.add_plane(along, weight * edge.length_squared());
+            // Outwards in the plane of the triangle, across its two edges at the position.
+            for (other, outwards) in face.positions.into_iter().zip([a.cross(normal), normal.cross(b)]) {
+                let slot = self.mark[other as usize].1 as usize;
+                self.neighbours[slot].conormal += outwards.normalize_or_zero();
+            }
+        }
+        for neighbour in &self.neighbours {
+            if let Some((normal, weight)) = neighbour.bounding_plane() {
+                let edge = setting.points[neighbour.position as usize] - origin;
+                quadric.add_plane(normal, weight * edge.length_squared());
             }
         }
         (quadric, total)
@@ -184,14 +303,14 @@ impl Evaluator {
         accumulated: &[Quadric],
         position: u32,
         (ring, area): (Quadric, f32),
-        feature: usize,
+        on_chain: bool,
     ) {
         let origin = setting.points[position as usize];
         let memory = accumulated[position as usize];
         self.by_cost.clear();
         for (slot, neighbour) in self.neighbours.iter().enumerate() {
             // A position on a boundary or a seam slides along it.
-            if feature == 2 && neighbour.faces == 2 {
+            if on_chain && neighbour.faces == 2 {
                 continue;
             }
             let offset = setting.points[neighbour.position as usize] - origin;
@@ -223,8 +342,8 @@ impl Evaluator {
         if phase == Phase::Strict && self.flips(setting, position, neighbour.position) {
             return Err(Stall::Flip);
         }
-        let complex = self.neighbours.iter().any(|n| n.faces > 2);
-        if !(phase == Phase::Junctions && complex) && !self.link_holds(mesh, position, neighbour) {
+        let complex = phase == Phase::Junctions && self.neighbours.iter().any(|n| n.faces > 2);
+        if !complex && !self.link_holds(mesh, position, neighbour.position) {
             return Err(Stall::NonManifold);
         }
         Ok(())
@@ -245,30 +364,19 @@ impl Evaluator {
 
     /// The link condition (Dey et al. 1999): the two ends have no common neighbour but across the edge's own
     /// triangles, and no triangle of the one would fall onto one of the other.
-    fn link_holds(&mut self, mesh: &CornerMesh, position: u32, neighbour: Neighbour) -> bool {
-        let ring = self.stamp;
-        let target = neighbour.position;
-        let mut common = 0;
-        for face in mesh.faces(target) {
-            let other_side = face.positions[0] != position && face.positions[1] != position;
-            let marked = face.positions.map(|p| p != position && self.mark[p as usize].0 == ring);
-            if other_side && marked == [true, true] && self.has_face(face.positions) {
-                return false;
-            }
-            for (p, _) in face.positions.into_iter().zip(marked).filter(|&(_, marked)| marked) {
-                if self.counted[p as usize] != ring {
-                    self.counted[p as usize] = ring;
-                    common += 1;
-                }
-            }
-        }
-        // The next target of this ring counts anew.
-        for face in mesh.faces(target) {
+    fn link_holds(&mut self, mesh: &CornerMesh, position: u32, target: u32) -> bool {
+        let across = self.next_count();
+        for face in mesh.faces(target).filter(|face| face.touches(position)) {
             for p in face.positions {
-                self.counted[p as usize] = 0;
+                self.counted[p as usize] = across;
             }
         }
-        common == neighbour.faces
+        let in_ring = |p: u32| self.mark[p as usize].0 == self.stamp;
+        mesh.faces(target).filter(|face| !face.touches(position)).all(|face| {
+            let common = face.positions.map(in_ring);
+            let stray = |i: usize| common[i] && self.counted[face.positions[i] as usize] != across;
+            !stray(0) && !stray(1) && !(common == [true, true] && self.has_face(face.positions))
+        })
     }
 
     fn has_face(&self, [a, b]: [u32; 2]) -> bool {
@@ -320,10 +428,10 @@ impl Evaluator {
             let [a, b] = face.positions.map(|p| setting.points[p as usize] - origin);
             let normal = a.cross(b).normalize_or_zero();
             deviation = deviation.max(normal.dot(offset).abs());
-            for (edge, other) in [a, b].into_iter().zip(face.positions) {
-                if self.neighbours[self.mark[other as usize].1 as usize].faces == 1 {
-                    deviation = deviation.max(edge.cross(normal).normalize_or_zero().dot(offset).abs());
-                }
+        }
+        for neighbour in &self.neighbours {
+            if let Some((normal, BOUNDARY_WEIGHT)) = neighbour.bounding_plane() {
+                deviation = deviation.max(normal.dot(offset).abs());
             }
         }
         deviation
@@ -344,4 +452,10 @@ impl Evaluator {
         self.collect(mesh, position);
         self.ring_quadric(setting, position).0
     }
+}
+
+/// The diagonal of the box of some positions.
+pub(super) fn piece_size(setting: &Setting<'_>, positions: &[u32]) -> f32 {
+    let points = || positions.iter().map(|&p| setting.points[p as usize]);
+    (points().fold(Vec3::NEG_INFINITY, Vec3::max) - points().fold(Vec3::INFINITY, Vec3::min)).length()
 }

@@ -8,8 +8,10 @@
 //! 2. The cheapest is looked at again; if it is still the cheapest it collapses (`mesh.rs`), its target is looked at
 //!    anew, and neighbours that had been stuck get another chance. The others wait: their stale cost is corrected when
 //!    they come up.
-//! 3. When nothing is left the guards are relaxed ([`Phase`]) and everything that stays is tried again.
-//! 4. Pieces that nothing can collapse any further vanish whole, the smallest first; the largest stays.
+//! 3. A position that the guards leave no collapse gets one by relaxing them ([`Phase`]), at a price in cost, so that
+//!    what is stuck does not stay while everything around it goes.
+//! 4. Small pieces that nothing can collapse any further vanish whole, at the price of their size; at the end all
+//!    that are left do, the smallest first. The largest stays.
 
 mod evaluate;
 mod mesh;
@@ -21,7 +23,7 @@ use super::adjacency::position_edges;
 use super::quadric::Quadric;
 use super::record::Stall;
 use super::weld::WeldedMesh;
-use evaluate::{Evaluator, Setting};
+use evaluate::{Action, Candidate, Evaluator, Setting, piece_size};
 use mesh::CornerMesh;
 use queue::BucketQueue;
 
@@ -46,7 +48,7 @@ pub enum Phase {
     Loose,
     /// Where the surface is already non-manifold its topology may change.
     Junctions,
-    /// What is left vanishes by whole pieces.
+    /// A piece vanishes whole.
     Vanish,
 }
 
@@ -101,9 +103,7 @@ pub fn collapse_order(mesh: &WeldedMesh, locked: &[bool], boundary: Boundary) ->
     };
     let setting = Setting { points: &points, wedge_normals: &wedge_normals, locked: &locked };
     let mut simplifier = Simplifier::new(mesh, setting, grid_steps);
-    for phase in [Phase::Strict, Phase::Loose, Phase::Junctions] {
-        simplifier.run(phase);
-    }
+    simplifier.run();
     simplifier.order.stall = simplifier.common_stall();
     simplifier.vanish_pieces();
     simplifier.order
@@ -176,29 +176,36 @@ impl<'a> Simplifier<'a> {
         }
     }
 
-    fn run(&mut self, phase: Phase) {
+    fn run(&mut self) {
         for position in 0..self.mesh.position_count() as u32 {
-            self.enqueue(position, phase);
+            self.enqueue(position);
         }
         while let Some(position) = self.queue.pop() {
-            let Ok(best) = self.evaluate(position, phase) else { continue };
+            let Ok(best) = self.evaluate(position) else { continue };
             if self.queue.has_cheaper_than(best.cost) {
                 self.queue.set(position, best.cost);
-            } else {
-                self.collapse(position, best.target, phase);
+                continue;
+            }
+            match best.action {
+                Action::Collapse(target) => self.collapse(position, target, best.phase),
+                Action::Vanish => {
+                    let piece = std::mem::take(&mut self.evaluator.piece);
+                    self.vanish(&piece);
+                    self.evaluator.piece = piece;
+                }
             }
         }
     }
 
-    fn evaluate(&mut self, position: u32, phase: Phase) -> Result<evaluate::Candidate, Stall> {
-        self.evaluator.best(&mut self.mesh, &self.setting, &self.accumulated, position, phase)
+    fn evaluate(&mut self, position: u32) -> Result<Candidate, Stall> {
+        self.evaluator.best(&mut self.mesh, &self.setting, &self.accumulated, position)
     }
 
-    fn enqueue(&mut self, position: u32, phase: Phase) {
+    fn enqueue(&mut self, position: u32) {
         if self.mesh.valence[position as usize] == 0 {
             return;
         }
-        match self.evaluate(position, phase) {
+        match self.evaluate(position) {
             Ok(best) => self.queue.set(position, best.cost),
             Err(_) => self.queue.remove(position),
         }
@@ -222,7 +229,7 @@ impl<'a> Simplifier<'a> {
         self.mesh.drop_list(position);
         self.remove_unused_wedges();
         self.close_group(phase);
-        self.look_again(target, phase);
+        self.look_again(target);
     }
 
     fn remove_wedge(&mut self, wedge: u32, target: Target) {
@@ -275,12 +282,12 @@ impl<'a> Simplifier<'a> {
     }
 
     /// The target has a new ring; neighbours that were stuck may be free now.
-    fn look_again(&mut self, target: u32, phase: Phase) {
+    fn look_again(&mut self, target: u32) {
         let neighbours: Vec<u32> = self.evaluator.neighbour_positions().collect();
-        self.enqueue(target, phase);
+        self.enqueue(target);
         for neighbour in neighbours {
             if neighbour != target && !self.queue.contains(neighbour) {
-                self.enqueue(neighbour, phase);
+                self.enqueue(neighbour);
             }
         }
     }
@@ -290,7 +297,7 @@ impl<'a> Simplifier<'a> {
         let mut counts = [0usize; 5];
         for position in 0..self.mesh.position_count() as u32 {
             if self.mesh.valence[position as usize] > 0
-                && let Err(stall) = self.evaluate(position, Phase::Strict)
+                && let Err(stall) = self.evaluate(position)
             {
                 counts[stall as usize] += 1;
             }
@@ -305,25 +312,26 @@ impl<'a> Simplifier<'a> {
         pieces.sort_by(|a, b| a.size.total_cmp(&b.size).then(a.positions[0].cmp(&b.positions[0])));
         pieces.pop();
         for piece in pieces.iter().filter(|piece| !piece.locked) {
-            self.error = self.error.max(0.5 * piece.size);
-            for &position in &piece.positions {
-                self.vanish(position);
-            }
-            self.close_group(Phase::Vanish);
+            self.vanish(&piece.positions);
         }
     }
 
-    fn vanish(&mut self, position: u32) {
-        for wedge in self.mesh.wedges_of(position) {
-            if !self.wedge_gone[wedge as usize] {
-                self.remove_wedge(wedge, Target::Anywhere);
+    /// Removes all of a connected piece in one step.
+    fn vanish(&mut self, piece: &[u32]) {
+        self.error = self.error.max(0.5 * piece_size(&self.setting, piece));
+        for &position in piece {
+            for wedge in self.mesh.wedges_of(position) {
+                if !self.wedge_gone[wedge as usize] {
+                    self.remove_wedge(wedge, Target::Anywhere);
+                }
+            }
+            let triangles: Vec<u32> = self.mesh.faces(position).map(|face| face.triangle()).collect();
+            for triangle in triangles {
+                self.mesh.kill(triangle);
+                self.order.removed.push(triangle);
             }
         }
-        let triangles: Vec<u32> = self.mesh.faces(position).map(|face| face.triangle()).collect();
-        for triangle in triangles {
-            self.mesh.kill(triangle);
-            self.order.removed.push(triangle);
-        }
+        self.close_group(Phase::Vanish);
     }
 
     fn pieces(&self) -> Vec<Piece> {
@@ -351,11 +359,8 @@ impl<'a> Simplifier<'a> {
             }
             at += 1;
         }
-        let points = || positions.iter().map(|&p| self.setting.points[p as usize]);
-        let low = points().fold(Vec3::INFINITY, Vec3::min);
-        let high = points().fold(Vec3::NEG_INFINITY, Vec3::max);
         let locked = positions.iter().any(|&p| self.setting.locked[p as usize]);
-        Piece { size: (high - low).length(), locked, positions }
+        Piece { size: piece_size(&self.setting, &positions), locked, positions }
     }
 }
 

@@ -1,5 +1,11 @@
 //! Random scenes, without a GPU: budgets are spent, states exist, tiers have room for them.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test that cannot set up its scene should fail loudly"
+)]
+
 mod common;
 
 use std::sync::Arc;

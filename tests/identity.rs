@@ -3,6 +3,12 @@
 //! All strategies, both places of selection, the CPU references of all passes, several batches and a capped upload are
 //! flown along the same paths; index and vertex content is compared frame by frame.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test that cannot set up its scene should fail loudly"
+)]
+
 mod common;
 
 use std::path::{Path, PathBuf};

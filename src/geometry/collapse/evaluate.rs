@@ -26,10 +26,8 @@ pub(crate) const FLIP_LIMIT: f32 = 0.2;
 const SMEAR_LIMIT: f32 = 0.9;
 /// A slight preference for short edges, which decides on flat ground.
 const SHORTNESS: f32 = 1e-6;
-/// What a turned triangle or a smeared crease costs: the ring's area times this share of the squared edge length.
-const LOOSE_PRICE: f32 = 0.02;
-/// The same for a change of topology at a junction of sheets.
-const JUNCTION_PRICE: f32 = 0.1;
+/// What relaxing a guard costs: the ring's area times this share of the squared edge length.
+const RELAXED_PRICE: f32 = 0.1;
 /// Pieces of at most so many positions vanish whole when nothing of them can collapse.
 const LARGEST_PIECE: usize = 32;
 /// At most so many targets are put to the guards, cheapest first: keeps a hub's evaluation linear in its valence.
@@ -126,8 +124,9 @@ impl Evaluator {
 
     /// The cheapest allowed step for a position, or why there is none.
     ///
-    /// The guards are relaxed one after the other only where nothing else is allowed, and at a price: what is stuck
-    /// must not stay while everything around it goes.
+    /// The guards are relaxed only where nothing else is allowed, and at a price: what is stuck must not stay while
+    /// everything around it goes. Of the relaxed steps the cheapest is taken, whichever guard it needs relaxed; only
+    /// turning a triangle waits until there is no other.
     pub fn best(
         &mut self,
         mesh: &mut CornerMesh,
@@ -146,29 +145,39 @@ impl Evaluator {
         let chain = self.chain();
         self.rank_targets(setting, accumulated, position, ring, chain == Some(true));
         let mut stall = if chain.is_none() { Stall::NonManifold } else { Stall::None };
-        for phase in [Phase::Strict, Phase::Loose, Phase::Junctions] {
-            if chain.is_none() && phase < Phase::Junctions {
+        let mut best: Option<Candidate> = None;
+        for phase in [Phase::Strict, Phase::Smear, Phase::Topology, Phase::Free] {
+            if chain.is_none() && phase.keeps_topology() || best.is_some() && phase == Phase::Free {
                 continue;
             }
             match self.first_allowed(mesh, setting, position, phase) {
                 Ok((target, cost)) => {
                     let cost = cost + self.price(setting, position, target, ring.1, phase);
-                    return Ok(Candidate { action: Action::Collapse(target), cost, phase });
+                    let candidate = Candidate { action: Action::Collapse(target), cost, phase };
+                    if phase == Phase::Strict {
+                        return Ok(candidate);
+                    }
+                    if best.is_none_or(|best| cost < best.cost) {
+                        best = Some(candidate);
+                    }
                 }
                 Err(cause) => stall = if cause == Stall::None { stall } else { cause },
             }
+        }
+        if let Some(best) = best {
+            return Ok(best);
         }
         self.vanishing(mesh, setting, position).ok_or(stall)
     }
 
     /// What relaxing the guards costs: as if the surface had moved by a share of the edge.
     fn price(&self, setting: &Setting<'_>, position: u32, target: u32, area: f32, phase: Phase) -> f32 {
-        let share = match phase {
-            Phase::Strict => return 0.0,
-            Phase::Loose => LOOSE_PRICE,
-            _ => JUNCTION_PRICE,
-        };
-        share * area * setting.points[position as usize].distance_squared(setting.points[target as usize])
+        if phase == Phase::Strict {
+            return 0.0;
+        }
+        RELAXED_PRICE
+            * area
+            * setting.points[position as usize].distance_squared(setting.points[target as usize])
     }
 
     fn first_allowed(
@@ -339,14 +348,13 @@ impl Evaluator {
         if smears && phase == Phase::Strict {
             return Err(Stall::Crease);
         }
-        if phase == Phase::Strict && self.flips(setting, position, neighbour.position) {
+        if phase.keeps_sides() && self.flips(setting, position, neighbour.position) {
             return Err(Stall::Flip);
         }
-        if self.link_holds(mesh, position, neighbour.position) {
-            return Ok(());
+        if phase.keeps_topology() && !self.link_holds(mesh, position, neighbour.position) {
+            return Err(Stall::NonManifold);
         }
-        let complex = || self.neighbours.iter().any(|n| n.faces > 2) || is_complex(mesh, neighbour.position);
-        if phase == Phase::Junctions && complex() { Ok(()) } else { Err(Stall::NonManifold) }
+        Ok(())
     }
 
     /// Whether a surviving triangle would turn by more than the limit, or lose its area.
@@ -453,13 +461,6 @@ impl Evaluator {
         self.collect(mesh, position);
         self.ring_quadric(setting, position).0
     }
-}
-
-/// Whether more than two triangles meet at an edge of a position.
-fn is_complex(mesh: &CornerMesh, position: u32) -> bool {
-    let mut others: Vec<u32> = mesh.faces(position).flat_map(|face| face.positions).collect();
-    others.sort_unstable();
-    others.chunk_by(|a, b| a == b).any(|edge| edge.len() > 2)
 }
 
 /// The diagonal of the box of some positions.

@@ -44,15 +44,29 @@ pub enum Boundary {
 pub enum Phase {
     /// No triangle turns beyond [`flip_limit`], no wedge takes on attributes across a crease, topology is kept.
     Strict,
-    /// Triangles may turn and creases may smear; topology is kept.
-    Loose,
-    /// Where the surface is already non-manifold its topology may change.
-    Junctions,
+    /// Creases may smear.
+    Smear,
+    /// Topology may change as well: holes close, handles break, sheets meet.
+    Topology,
+    /// Triangles may turn as well.
+    Free,
     /// A piece vanishes whole.
     Vanish,
 }
 
-/// The least cosine between a triangle's normals before and after a collapse of [`Phase::Strict`].
+impl Phase {
+    /// Whether no triangle turns beyond [`flip_limit`].
+    pub fn keeps_sides(self) -> bool {
+        self <= Self::Topology
+    }
+
+    /// Whether the surface stays manifold where it was.
+    pub fn keeps_topology(self) -> bool {
+        self <= Self::Smear
+    }
+}
+
+/// The least cosine between a triangle's normals before and after a collapse that keeps the sides.
 pub fn flip_limit() -> f32 {
     FLIP_LIMIT
 }

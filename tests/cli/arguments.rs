@@ -60,13 +60,19 @@ fn frames_samples_and_choices_are_checked() {
 #[test]
 fn a_verb_without_what_it_needs_is_refused() {
     let place = baked();
-    place.refuses(&[], &["bake", "info", "verify", "export", "fly", "demo"]);
     place.refuses(&["paint"], &["unrecognized subcommand", "paint"]);
     place.refuses(&["bake", "-o", "out.clps"], &["INPUT"]);
     place.refuses(&["bake", "square.obj"], &["--output"]);
     place.refuses(&["info"], &["FILE"]);
     place.refuses(&["bake", "square.obj", "-o", "out.clps", "--threads", "many"], &["--threads"]);
-    place.refuses(&["bake", "square.obj", "-o", "out.clps", "--crease", "-1"], &["--crease"]);
+    place.refuses(&["bake", "square.obj", "-o", "out.clps", "--crease=-1"], &["--crease", "above 0"]);
+}
+
+#[test]
+fn without_a_verb_the_help_is_shown() {
+    let outcome = Workplace::new().run(&[]);
+    assert_eq!(outcome.code, Some(2), "{outcome:?}");
+    outcome.says(&["bake", "info", "verify", "export", "fly", "demo", "Examples:"]);
 }
 
 #[test]
@@ -127,6 +133,7 @@ fn a_malformed_camera_path_is_named_with_the_line() {
         r#"[{"frame": 0, "eye": [NaN, 0, 0], "target": [1, 0, 0]}]"#,
         r#"[{"frame": 0, "eye": [1e999, 0, 0], "target": [1, 0, 0]}]"#,
         "\u{0}\u{0}\u{0}",
+        &"[".repeat(100_000),
     ] {
         place.write("path.json", text);
         let words = ["not a JSON array of {\"frame\", \"eye\", \"target\"}", "line 1", ": path.json"];

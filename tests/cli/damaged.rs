@@ -88,7 +88,8 @@ fn a_flipped_byte_of_the_tables_is_refused_by_every_verb() {
     let (place, bytes) = small();
     let payload = payload_start(&bytes);
     let cases = [
-        (0, "not a .clps container"),
+        (0, "text mode"),
+        (1, "not a .clps container"),
         (20, "checksum of the header"),
         (70, "checksum of the"),
         (300, "checksum of the"),

@@ -59,10 +59,13 @@ fn bundled() -> String {
 }
 
 #[test]
-fn a_bake_over_its_own_input_keeps_the_input_if_it_fails() {
+fn a_bake_over_its_own_input_is_refused() {
     let place = Workplace::new();
-    place.write("bad.obj", "v 0 0 0\n");
-    place.fails(&["bake", "bad.obj", "-o", "bad.obj"], &["no triangles"]);
+    place.write("model.obj", TRIANGLE);
+    place.write("other.obj", SQUARE);
+    let words = ["would replace this input; choose another output: model.obj"];
+    place.fails(&["bake", "model.obj", "-o", "./model.obj"], &words);
+    place.fails(&["bake", "other.obj", "model.obj", "-o", "model.obj"], &words);
 }
 
 #[test]

@@ -30,7 +30,8 @@ fn every_verb_explains_every_argument() {
         // The long help has each argument on a line of its own and the explanation on the next.
         let text = help(&[verb, "--help"]);
         let lines: Vec<&str> = text.lines().collect();
-        let arguments = lines.iter().enumerate().filter(|(_, line)| is_argument(line));
+        let arguments =
+            lines.iter().enumerate().filter(|(_, line)| is_argument(line) && !line.contains("--help"));
         let mut count = 0;
         for (at, line) in arguments {
             let here = line.trim_start().split("  ").nth(1).map_or(0, str::len);
@@ -38,7 +39,7 @@ fn every_verb_explains_every_argument() {
             assert!(here.max(below) > 8, "{verb}: {line:?} is not explained");
             count += 1;
         }
-        assert!(count >= 2, "{verb}: {count} arguments");
+        assert!(count >= 1, "{verb}: {count} arguments");
     }
 }
 

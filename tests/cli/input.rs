@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use crate::models::{SQUARE, SQUARE_INDICES, SQUARE_POSITIONS, TRIANGLE, glb, obj};
-use crate::workplace::{Workplace, has_gpu};
+use crate::workplace::{Workplace, has_gpu, names};
 
 /// That a bake of the given file fails with these words and leaves nothing.
 #[track_caller]
@@ -174,6 +174,30 @@ fn a_part_of_one_triangle_flies() {
     place.write("one.obj", TRIANGLE);
     place.bake("one.obj", "one.clps");
     assert_eq!(place.fly_briefly("one.clps")["active_triangles_mean"], 1.0);
+}
+
+#[test]
+fn malformed_gltf_is_refused() {
+    for text in ["{", "{}", "[]", "null", "{\"asset\": 3}", "\u{0}", &"[".repeat(100_000)] {
+        bake_fails("model.gltf", text, &[]);
+    }
+    for length in [4u32, 12, 20, u32::MAX] {
+        let header = [b"glTF" as &[u8], &2u32.to_le_bytes(), &length.to_le_bytes()].concat();
+        bake_fails("model.glb", header, &[]);
+    }
+}
+
+#[test]
+fn a_pipe_is_no_model_and_is_not_waited_for() {
+    let place = Workplace::new();
+    let made = std::process::Command::new("mkfifo").arg(place.path("pipe.obj")).status();
+    if !made.is_ok_and(|status| status.success()) {
+        eprintln!("skipped: no pipe can be made here (mkfifo)");
+        return;
+    }
+    place.run(&["bake", "pipe.obj", "-o", "out.clps"]).failed(&["not a file: pipe.obj"]);
+    place.run(&["info", "pipe.obj"]).failed(&["not a file: pipe.obj"]);
+    assert_eq!(names(&place.path("")), ["pipe.obj"]);
 }
 
 #[test]

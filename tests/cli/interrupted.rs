@@ -2,8 +2,12 @@
 
 #![cfg(unix)]
 
+use std::cell::Cell;
 use std::process::{Child, Command};
 use std::time::{Duration, Instant};
+
+use collapsar::geometry::Boundary;
+use collapsar::geometry::part::order_part_unless;
 
 use crate::common::{height_field, patched_box};
 use crate::models::obj;
@@ -40,6 +44,17 @@ fn an_interrupted_bake_leaves_nothing() {
         outcome.failed_with(130, &["interrupted; nothing was written"]);
         place.assert_unchanged(&before);
     }
+}
+
+/// A single part may be the whole model: it is not ordered to its end first.
+#[test]
+fn a_part_of_several_cells_stops_between_two() {
+    let large = height_field(260);
+    assert!(large.positions.len() > 65_536, "one cell holds it");
+    let asked = Cell::new(0);
+    let stop_at_second = || asked.replace(asked.get() + 1) > 0;
+    let outcome = order_part_unless(&large, Boundary::Slide, &stop_at_second);
+    assert_eq!((asked.get(), outcome.cells.len()), (2, 1));
 }
 
 #[test]

@@ -174,6 +174,9 @@ fn assert_table(csv: &str, frames: usize) {
     }
 }
 
+/// What a comparison writes.
+const COMPARISON: [&str; 5] = ["coherent", "per-part", "summary.json", "table.txt", "whole"];
+
 #[test]
 fn a_comparison_has_a_summary_a_strategy_and_a_table() {
     if !has_gpu("cli::reports::a_comparison_has_a_summary_a_strategy_and_a_table") {
@@ -195,7 +198,7 @@ fn a_comparison_has_a_summary_a_strategy_and_a_table() {
     ];
     let table = place.run(&flight).succeeded().out;
     assert!(table.contains("transfer saving") && table.contains("drew the same frames"), "{table}");
-    assert_eq!(names(&place.path("flight")), ["coherent", "per-part", "summary.json", "table.txt", "whole"]);
+    assert_eq!(names(&place.path("flight")), COMPARISON);
     assert_eq!(String::from_utf8(place.read("flight/table.txt")).unwrap(), table);
     let summary: Value = serde_json::from_slice(&place.read("flight/summary.json")).unwrap();
     let strategies = summary["strategies"].as_array().unwrap();
@@ -205,6 +208,23 @@ fn a_comparison_has_a_summary_a_strategy_and_a_table() {
     for word in words {
         assert_eq!(names(&place.path("flight").join(word)), ["frames.csv", "summary.json"]);
     }
+}
+
+#[test]
+fn demo_bakes_flies_and_says_where_the_pictures_are() {
+    if !has_gpu("cli::reports::demo_bakes_flies_and_says_where_the_pictures_are") {
+        return;
+    }
+    let (place, models) = (Workplace::new(), bundled(""));
+    let demo = ["demo", "--datasets", models.to_str().unwrap(), "--frames", "2", "--size", "64x64"];
+    let text = place.run(&demo).succeeded().out;
+    for model in ["engine", "truck"] {
+        assert_eq!(names(&place.path("out").join(model)), COMPARISON);
+        assert!(text.contains(&format!("pictures: out/{model}/coherent")), "{text}");
+    }
+    assert!(text.contains("transfer saving"), "{text}");
+    let again = place.run(&demo).succeeded().out;
+    assert_eq!(again.matches("already baked: out/").count(), 2, "{again}");
 }
 
 #[test]

@@ -49,11 +49,10 @@ impl Failure {
 
     /// Prints the reason and gives the exit code: 130 for an interruption, else 1.
     pub fn report(&self) -> ExitCode {
-        let interrupted = match self {
-            Self::Interrupted(_) => true,
-            Self::Library(collapsar::Error::Bake(BakeError::Interrupted)) => true,
-            _ => false,
-        };
+        let interrupted = matches!(
+            self,
+            Self::Interrupted(_) | Self::Library(collapsar::Error::Bake(BakeError::Interrupted))
+        );
         super::output::complain(&Line(self));
         ExitCode::from(if interrupted { 130 } else { 1 })
     }

@@ -3,10 +3,11 @@
 use std::fmt::Display;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 
 use serde::Serialize;
 
-use super::Failure;
+use super::{Failure, interrupt};
 
 /// Says early what would stop [`make_folder`] late: a file of that name, or a parent that does not exist.
 pub fn check_folder(folder: &Path) -> Result<(), Failure> {
@@ -57,23 +58,44 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Writes a file through a temporary one beside it, so that it is never half there.
+/// Writes a file through a temporary one beside it, so that it is never half there; Ctrl-C stops it.
 pub fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
 ) -> Result<(), Failure> {
-    let failed = |cause| Failure::Output { doing: "write", cause, path: path.to_owned() };
+    let failed = |cause| match interrupt::flag().load(Ordering::Relaxed) {
+        true => Failure::Interrupted("this file was not written"),
+        false => Failure::Output { doing: "write", cause, path: path.to_owned() },
+    };
     check_file(path)?;
     let mut builder = tempfile::Builder::new();
     builder.prefix(".collapsar-");
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let file = builder.tempfile_in(folder_of(path)).map_err(failed)?;
-    let mut out = std::io::BufWriter::new(file.as_file());
+    let mut out = std::io::BufWriter::with_capacity(1 << 16, Stoppable(file.as_file()));
     write(&mut out).and_then(|()| out.flush()).map_err(failed)?;
     drop(out);
     file.persist(path).map_err(|refused| failed(refused.error))?;
     Ok(())
+}
+
+/// A writer that fails once the user has asked to stop.
+struct Stoppable<W>(W);
+
+impl<W: Write> Write for Stoppable<W> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        // Not `ErrorKind::Interrupted`, after which `write_all` tries again.
+        if interrupt::flag().load(Ordering::Relaxed) {
+            Err(ErrorKind::Other.into())
+        } else {
+            self.0.write(bytes)
+        }
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.0.flush()
+    }
 }
 
 /// Writes a value as indented JSON.

@@ -10,7 +10,7 @@ use collapsar::geometry::Boundary;
 use collapsar::geometry::part::order_part_unless;
 
 use crate::common::{height_field, patched_box};
-use crate::models::obj;
+use crate::models::{obj, placed_glb};
 use crate::workplace::{Outcome, Workplace, has_gpu, names};
 
 /// From the signal to the end.
@@ -69,6 +69,28 @@ fn an_interrupted_bake_keeps_the_older_container() {
     outcome.failed_with(130, &["interrupted; nothing was written"]);
     place.assert_unchanged(&before);
     place.verify("model.clps");
+}
+
+#[test]
+fn an_interrupted_export_leaves_nothing() {
+    let place = Workplace::new();
+    let mesh = patched_box(10);
+    // OBJ repeats every placement: gigabytes, which the disk never gets to see.
+    let model = placed_glb(&mesh.positions, mesh.triangles.as_flattened(), 4, 50_000);
+    place.write("many.glb", model);
+    place.bake("many.glb", "many.clps");
+    let before = place.snapshot();
+    let export = ["export", "many.clps", "--ratio", "1", "-o", "many.obj"];
+    let child = place.command(&export).spawn().unwrap();
+    let started = Instant::now();
+    while names(&place.path("")).len() == before.len() {
+        assert!(started.elapsed() < PATIENCE, "it does not start to write");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    interrupt(&child);
+    let outcome = Outcome::of(&child.wait_with_output().unwrap());
+    outcome.failed_with(130, &["interrupted; this file was not written"]);
+    place.assert_unchanged(&before);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 //! Exit codes: 0 done, 1 it could not be done, 2 the arguments make no sense, 130 interrupted. A failure is one line
 //! on standard error, `error: what: where`, and leaves the folder as it was.
 
-#![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test's helpers panic to fail it")]
+#![expect(clippy::unwrap_used, reason = "a test's helpers panic to fail it")]
 
 #[path = "../common/mod.rs"]
 mod common;

@@ -27,16 +27,21 @@ pub fn obj(meshes: &[SourceMesh]) -> String {
     text
 }
 
-/// One mesh as a GLB file; `mode` as in glTF: 0 points, 4 triangles.
+/// One mesh, placed once, as a GLB file; `mode` as in glTF: 0 points, 4 triangles.
 pub fn glb(positions: &[[f32; 3]], indices: &[u32], mode: u32) -> Vec<u8> {
+    placed_glb(positions, indices, mode, 1)
+}
+
+/// One mesh, placed several times at the same place.
+pub fn placed_glb(positions: &[[f32; 3]], indices: &[u32], mode: u32, placements: usize) -> Vec<u8> {
     let mut binary: Vec<u8> = bytemuck::cast_slice(positions).to_vec();
     let split = binary.len();
     binary.extend_from_slice(bytemuck::cast_slice(indices));
     let root = json!({
         "asset": {"version": "2.0"},
         "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": (0..placements).collect::<Vec<_>>()}],
+        "nodes": vec![json!({"mesh": 0}); placements],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "mode": mode}]}],
         "accessors": [
             {"bufferView": 0, "componentType": 5126, "count": positions.len(), "type": "VEC3",

@@ -1,6 +1,6 @@
 //! Input files in, a container and a [`BakeReport`] out.
 //!
-//! The way: import -> normals where there are none -> [`order_part`] for every part in parallel, the largest first so
+//! The way: import -> normals where there are none -> [`order_part`](crate::geometry::part::order_part) for every part in parallel, the largest first so
 //! that no core waits for one at the end -> container. The bytes written do not depend on the number of threads.
 
 mod report;
@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use crate::container::{self, ContainerError, Contents, StoredInstance, StoredPart};
 use crate::geometry::Boundary;
 use crate::geometry::normals::{CREASE_DEGREES, by_crease_angle};
-use crate::geometry::part::{PartOutcome, order_part};
+use crate::geometry::part::{PartOutcome, order_part_unless};
 use crate::import::{self, ImportError, Model, SourceMesh};
 
 pub use report::{BakeReport, StalledPart};
@@ -73,7 +73,7 @@ pub struct BakeProgress {
     pub triangles_total: AtomicU64,
     /// Triangles that have been ordered.
     pub triangles_done: AtomicU64,
-    /// Set by the user's side to stop the bake at the next part.
+    /// Set by the user's side to stop the bake at the next part or cell.
     pub cancelled: AtomicBool,
 }
 
@@ -152,13 +152,16 @@ fn order_one(
     progress: &BakeProgress,
 ) -> Result<PartOutcome, BakeError> {
     progress.check()?;
+    let stopped = || progress.cancelled.load(Ordering::Relaxed);
     let outcome = if mesh.normals.is_empty() {
         let mut mesh = mesh.clone();
         by_crease_angle(&mut mesh, options.crease_degrees);
-        order_part(&mesh, options.boundary)
+        order_part_unless(&mesh, options.boundary, &stopped)
     } else {
-        order_part(mesh, options.boundary)
+        order_part_unless(mesh, options.boundary, &stopped)
     };
+    // What was stopped lacks cells.
+    progress.check()?;
     progress.triangles_done.fetch_add(mesh.triangles.len() as u64, Ordering::Relaxed);
     Ok(outcome)
 }

@@ -57,11 +57,24 @@ pub fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         crease_degrees: arguments.crease as f32,
         threads: arguments.threads.into(),
     };
+    check_not_an_input(&arguments.inputs, &arguments.output)?;
     let report = bake_with_progress(&arguments.inputs, &arguments.output, &options)?;
     if arguments.json {
         return output::print_json(&report);
     }
     output::print_text(&describe(&report, &arguments.output))
+}
+
+/// That a slip of the keyboard does not replace a model by its container.
+fn check_not_an_input(inputs: &[PathBuf], output: &Path) -> Result<(), Failure> {
+    let Ok(output) = output.canonicalize() else { return Ok(()) };
+    match inputs.iter().find(|input| input.canonicalize().is_ok_and(|input| input == output)) {
+        Some(input) => Err(Failure::Argument(format!(
+            "the container would replace this input; choose another output: {}",
+            input.display()
+        ))),
+        None => Ok(()),
+    }
 }
 
 /// Bakes with a progress bar on standard error and a way to stop.

@@ -57,8 +57,9 @@ pub fn run(arguments: &DemoArguments) -> Result<(), Failure> {
             missing.display()
         )));
     }
-    output::make_folder(&arguments.out)?;
+    output::check_folder(&arguments.out)?;
     let gpu = Arc::new(Gpu::new(&GpuOptions::default())?);
+    output::make_folder(&arguments.out)?;
     let mut savings = Vec::new();
     for model in &models {
         let summaries = fly_bundled(&gpu, model, arguments)?;
@@ -88,7 +89,7 @@ fn fly_bundled(gpu: &Arc<Gpu>, model: &Bundled, arguments: &DemoArguments) -> Re
         hash: true,
         png_every: arguments.frames.div_ceil(6),
     };
-    compare(gpu, &scene, &plan, Some(&folder))
+    compare(gpu, &scene, &plan, Some(&folder)).map_err(|failure| failure.in_container(&container))
 }
 
 /// Bakes unless a sound container of this program is newer than the model.

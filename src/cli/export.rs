@@ -51,6 +51,7 @@ pub fn run(arguments: &ExportArguments) -> Result<(), Failure> {
             )));
         }
     };
+    output::check_file(&arguments.output)?;
     let level = match (arguments.vertices, arguments.error, arguments.ratio) {
         (Some(vertices), _, _) => Level::Vertices(vertices),
         (_, Some(error), _) => Level::Error(error),

@@ -1,10 +1,13 @@
 //! What a verb failed with, and the exit code that tells it.
 
 use std::fmt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use collapsar::bake::BakeError;
+use collapsar::frame::FrameError;
+use collapsar::scene::SceneError;
+use collapsar::stream::ResidencyError;
 
 /// Why a verb did not do what it was asked.
 #[derive(Debug, thiserror::Error)]
@@ -34,14 +37,23 @@ pub enum Failure {
 }
 
 impl Failure {
+    /// Adds the path of a container to what a frame found wrong with its bytes.
+    pub fn in_container(self, path: &Path) -> Self {
+        match self {
+            Self::Library(collapsar::Error::Frame(FrameError::Residency(ResidencyError::Container(
+                cause,
+            )))) => SceneError::Container { cause, path: path.to_owned() }.into(),
+            other => other,
+        }
+    }
+
     /// Prints the reason and gives the exit code: 130 for an interruption, else 1.
     pub fn report(&self) -> ExitCode {
-        let interrupted = match self {
-            Self::Interrupted(_) => true,
-            Self::Library(collapsar::Error::Bake(BakeError::Interrupted)) => true,
-            _ => false,
-        };
-        eprintln!("{}", Line(self));
+        let interrupted = matches!(
+            self,
+            Self::Interrupted(_) | Self::Library(collapsar::Error::Bake(BakeError::Interrupted))
+        );
+        super::output::complain(&Line(self));
         ExitCode::from(if interrupted { 130 } else { 1 })
     }
 }

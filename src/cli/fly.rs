@@ -112,9 +112,12 @@ pub fn run(arguments: &FlyArguments) -> Result<(), Failure> {
     let path = CameraPath::parse(&arguments.path)?;
     let scene = Arc::new(Scene::open(&arguments.file)?);
     if let Some(folder) = &arguments.out {
-        output::make_folder(folder)?;
+        output::check_folder(folder)?;
     }
     let gpu = Arc::new(Gpu::new(&GpuOptions::default())?);
+    if let Some(folder) = &arguments.out {
+        output::make_folder(folder)?;
+    }
     let flight = FlightPlan {
         path: &path,
         frames: arguments.frames,
@@ -123,14 +126,16 @@ pub fn run(arguments: &FlyArguments) -> Result<(), Failure> {
         png_every: arguments.png,
     };
     if arguments.compare {
-        let summaries = compare(&gpu, &scene, &flight, arguments.out.as_deref())?;
+        let summaries = compare(&gpu, &scene, &flight, arguments.out.as_deref())
+            .map_err(|failure| failure.in_container(&arguments.file))?;
         return if arguments.json {
             output::print_json(&summaries)
         } else {
             output::print_text(&describe_comparison(&summaries))
         };
     }
-    let summary = fly(&gpu, &scene, &flight, arguments.out.as_deref())?;
+    let summary = fly(&gpu, &scene, &flight, arguments.out.as_deref())
+        .map_err(|failure| failure.in_container(&arguments.file))?;
     if arguments.json { output::print_json(&summary) } else { output::print_text(&describe(&summary)) }
 }
 

@@ -1,41 +1,101 @@
 //! Files that appear whole or not at all, and folders for them.
 
-use std::io::Write;
+use std::fmt::Display;
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
 
 use serde::Serialize;
 
-use super::Failure;
+use super::{Failure, interrupt};
+
+/// Says early what would stop [`make_folder`] late: a file of that name, or a parent that does not exist.
+pub fn check_folder(folder: &Path) -> Result<(), Failure> {
+    if folder.is_dir() {
+        return Ok(());
+    }
+    let parent = folder_of(folder);
+    if folder.exists() {
+        Err(Failure::Argument(format!("the output folder is a file: {}", folder.display())))
+    } else if parent.is_dir() {
+        Ok(())
+    } else {
+        let parent = parent.display();
+        Err(Failure::Argument(format!(
+            "the output folder's own folder does not exist; create it first: {parent}"
+        )))
+    }
+}
 
 /// Makes the output folder if its parent exists.
 pub fn make_folder(folder: &Path) -> Result<(), Failure> {
+    check_folder(folder)?;
     if folder.is_dir() {
         return Ok(());
     }
     std::fs::create_dir(folder).map_err(|cause| Failure::Output {
-        doing: "make the output folder (its parent must exist)",
+        doing: "make the output folder",
         cause,
         path: folder.to_owned(),
     })
 }
 
-/// Writes a file through a temporary one beside it, so that it is never half there.
+/// Says early what would stop [`write_whole`] late: a folder of that name, or no folder to write to.
+pub fn check_file(path: &Path) -> Result<(), Failure> {
+    let folder = folder_of(path);
+    if path.is_dir() {
+        let path = path.display();
+        Err(Failure::Argument(format!("cannot write: the output is a folder; name a file in it: {path}")))
+    } else if folder.is_dir() {
+        Ok(())
+    } else {
+        let folder = folder.display();
+        Err(Failure::Argument(format!("cannot write: its folder does not exist; create it first: {folder}")))
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Writes a file through a temporary one beside it, so that it is never half there; Ctrl-C stops it.
 pub fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
 ) -> Result<(), Failure> {
-    let failed = |cause| Failure::Output { doing: "write", cause, path: path.to_owned() };
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let failed = |cause| match interrupt::flag().load(Ordering::Relaxed) {
+        true => Failure::Interrupted("this file was not written"),
+        false => Failure::Output { doing: "write", cause, path: path.to_owned() },
+    };
+    check_file(path)?;
     let mut builder = tempfile::Builder::new();
     builder.prefix(".collapsar-");
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let file = builder.tempfile_in(folder).map_err(failed)?;
-    let mut out = std::io::BufWriter::new(file.as_file());
+    let file = builder.tempfile_in(folder_of(path)).map_err(failed)?;
+    let mut out = std::io::BufWriter::with_capacity(1 << 16, Stoppable(file.as_file()));
     write(&mut out).and_then(|()| out.flush()).map_err(failed)?;
     drop(out);
     file.persist(path).map_err(|refused| failed(refused.error))?;
     Ok(())
+}
+
+/// A writer that fails once the user has asked to stop.
+struct Stoppable<W>(W);
+
+impl<W: Write> Write for Stoppable<W> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        // Not `ErrorKind::Interrupted`, after which `write_all` tries again.
+        if interrupt::flag().load(Ordering::Relaxed) {
+            Err(ErrorKind::Other.into())
+        } else {
+            self.0.write(bytes)
+        }
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.0.flush()
+    }
 }
 
 /// Writes a value as indented JSON.
@@ -55,11 +115,17 @@ pub fn print_json(value: &impl Serialize) -> Result<(), Failure> {
     })?)
 }
 
-/// Prints text and a line feed; a closed pipe is an error like any other, and no panic.
+/// Prints text and a line feed. A reader that has closed the pipe has seen enough, which is no failure.
 pub fn print_text(text: &str) -> Result<(), Failure> {
-    writeln!(std::io::stdout().lock(), "{text}").map_err(|cause| Failure::Output {
-        doing: "write",
-        cause,
-        path: PathBuf::from("standard output"),
-    })
+    match writeln!(std::io::stdout().lock(), "{text}") {
+        Err(cause) if cause.kind() != ErrorKind::BrokenPipe => {
+            Err(Failure::Output { doing: "write", cause, path: PathBuf::from("standard output") })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Says something on standard error. Where nobody listens there is nothing left to say, so that the exit code tells.
+pub fn complain(text: &impl Display) {
+    let _ = writeln!(std::io::stderr().lock(), "{text}");
 }

@@ -25,13 +25,17 @@ pub fn run(arguments: &VerifyArguments) -> Result<(), Failure> {
     let container = Container::open(file.bytes()).map_err(wrap)?;
     let report = inspect(&container);
     for finding in &report.findings {
-        eprintln!("{finding}");
+        output::complain(finding);
     }
     if !report.findings.is_empty() {
         let count = report.findings.len();
-        let more = if count >= collapsar::container::MAX_FINDINGS { " or more" } else { "" };
+        let findings = match count {
+            1 => "finding",
+            _ if count >= collapsar::container::MAX_FINDINGS => "findings or more",
+            _ => "findings",
+        };
         return Err(Failure::Mismatch(format!(
-            "{count} findings{more}: the container is damaged; copy or bake it again: {}",
+            "{count} {findings}: the container is damaged; copy or bake it again: {}",
             arguments.file.display()
         )));
     }

@@ -37,6 +37,11 @@ pub struct WeldCounts {
 
 /// Orders one mesh, which has normals, by its edge collapses.
 pub fn order_part(mesh: &SourceMesh, boundary: Boundary) -> PartOutcome {
+    order_part_unless(mesh, boundary, &|| false)
+}
+
+/// As [`order_part`], but asks before every cell whether to stop; the outcome then lacks the cells that are left.
+pub fn order_part_unless(mesh: &SourceMesh, boundary: Boundary, stopped: &dyn Fn() -> bool) -> PartOutcome {
     let counts = WeldCounts {
         source_triangles: mesh.triangles.len(),
         source_vertices: mesh.positions.len(),
@@ -52,7 +57,8 @@ pub fn order_part(mesh: &SourceMesh, boundary: Boundary) -> PartOutcome {
         ..counts
     };
     let cells = if welded.triangles.is_empty() { Vec::new() } else { cells::cut(welded) };
-    PartOutcome { cells: cells.iter().map(|cell| order_cell(cell, grid, boundary)).collect(), weld: counts }
+    let ordered = cells.iter().take_while(|_| !stopped()).map(|cell| order_cell(cell, grid, boundary));
+    PartOutcome { cells: ordered.collect(), weld: counts }
 }
 
 /// Orders one cell.

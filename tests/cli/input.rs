@@ -1,0 +1,215 @@
+//! Models that are missing, empty, broken or strange.
+
+use serde_json::Value;
+
+use crate::models::{SQUARE, SQUARE_INDICES, SQUARE_POSITIONS, TRIANGLE, glb, obj};
+use crate::workplace::{Workplace, has_gpu, names};
+
+/// That a bake of the given file fails with these words and leaves nothing.
+#[track_caller]
+fn bake_fails(name: &str, content: impl AsRef<[u8]>, words: &[&str]) {
+    let place = Workplace::new();
+    place.write(name, content);
+    place.fails(&["bake", name, "-o", "out.clps"], &[words, &[name]].concat());
+}
+
+/// Bakes the given file, verifies the container, and gives the report.
+#[track_caller]
+fn baked(name: &str, content: impl AsRef<[u8]>) -> Value {
+    let place = Workplace::new();
+    place.write(name, content);
+    let report = place.bake(name, "out.clps");
+    place.verify("out.clps");
+    report
+}
+
+fn notes(report: &Value) -> String {
+    report["notes"].to_string()
+}
+
+#[test]
+fn a_missing_file_is_named() {
+    let place = Workplace::new();
+    place.fails(&["bake", "none.obj", "-o", "out.clps"], &["No such file", ": none.obj\n"]);
+    place.fails(&["bake", "none.glb", "-o", "out.clps"], &["No such file", ": none.glb\n"]);
+    for verb in [&["info"] as &[&str], &["verify"], &["fly"], &["export", "--ratio", "1", "-o", "a.obj"]] {
+        place.fails(&[verb, &["none.clps"]].concat(), &["there is no such file: none.clps"]);
+    }
+}
+
+#[test]
+fn one_missing_file_among_several_is_named() {
+    let place = Workplace::new();
+    place.write("good.obj", TRIANGLE);
+    place.fails(&["bake", "good.obj", "none.obj", "-o", "out.clps"], &["No such file", ": none.obj\n"]);
+}
+
+#[test]
+fn an_empty_file_is_refused() {
+    bake_fails("empty.obj", "", &["the file is empty"]);
+    bake_fails("empty.glb", "", &["the file is empty"]);
+    bake_fails("empty.gltf", "", &["the file is empty"]);
+    let place = Workplace::new();
+    place.write("empty.clps", "");
+    for verb in ["info", "verify", "fly"] {
+        place.fails(&[verb, "empty.clps"], &["this file is empty: empty.clps"]);
+    }
+}
+
+#[test]
+fn a_folder_is_no_model() {
+    let place = Workplace::new();
+    place.make_folder("folder.obj");
+    place.fails(&["bake", "folder.obj", "-o", "out.clps"], &["not a file: folder.obj"]);
+    for verb in ["info", "verify", "fly"] {
+        place.fails(&[verb, "folder.obj"], &["not a file: folder.obj"]);
+    }
+}
+
+#[test]
+fn a_model_without_triangles_is_refused() {
+    bake_fails("points.obj", "v 0 0 0\nv 1 0 0\np 1\nl 1 2\n", &["no triangles"]);
+    bake_fails("words.obj", "this is not a model\n", &["no triangles"]);
+    bake_fails("points.glb", glb(&SQUARE_POSITIONS, &SQUARE_INDICES, 0), &["no triangles"]);
+    bake_fails("words.glb", "this is not a model", &["words.glb"]);
+}
+
+#[test]
+fn a_model_of_degenerate_triangles_alone_is_refused() {
+    bake_fails("flat.obj", "v 0 0 0\nv 1 0 0\nf 1 2 2\nf 1 1 1\n", &["triangles"]);
+    let same = [[1.0f32, 2.0, 3.0]; 3];
+    bake_fails("point.glb", glb(&same, &[0, 1, 2], 4), &["none of the 1 triangles has an area"]);
+}
+
+#[test]
+fn an_index_out_of_range_in_obj_is_skipped_and_noted() {
+    let report = baked("some.obj", format!("{SQUARE}f 1 2 9\nf 0 1 2\n"));
+    assert_eq!(report["triangles"], 2);
+    assert!(notes(&report).contains("line 7"), "{report}");
+    bake_fails("all.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", &["no triangles", "line 4"]);
+}
+
+#[test]
+fn an_index_out_of_range_in_glb_is_skipped_and_noted() {
+    let report = baked("some.glb", glb(&SQUARE_POSITIONS, &[0, 1, 2, 0, 2, 4], 4));
+    assert_eq!(report["triangles"], 1);
+    assert!(notes(&report).contains("vertex that is not there"), "{report}");
+    bake_fails("all.glb", glb(&SQUARE_POSITIONS, &[7, 8, u32::MAX], 4), &["no triangles", "not there"]);
+}
+
+#[test]
+fn positions_that_are_not_finite_lose_their_triangles_only() {
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+        let mut positions = SQUARE_POSITIONS;
+        positions[3][1] = bad;
+        let report = baked("some.glb", glb(&positions, &SQUARE_INDICES, 4));
+        assert_eq!(report["triangles"], 1, "{bad}");
+        assert!(notes(&report).contains("not finite"), "{report}");
+        let all = glb(&[[bad; 3]; 4], &SQUARE_INDICES, 4);
+        bake_fails("all.glb", all, &["no triangles", "not finite"]);
+    }
+}
+
+#[test]
+fn positions_that_are_not_finite_in_obj_lose_their_triangles_only() {
+    for bad in ["nan", "inf", "-inf", "1e999"] {
+        let report = baked("some.obj", format!("{SQUARE}v 0 0 {bad}\nf 1 2 5\n"));
+        assert_eq!(report["triangles"], 2, "{bad}");
+        assert!(notes(&report).contains("not finite"), "{report}");
+        let all = format!("v {bad} 0 0\nv 0 {bad} 0\nv 0 0 {bad}\nf 1 2 3\n");
+        bake_fails("all.obj", all, &["no triangles", "not finite"]);
+    }
+}
+
+#[test]
+fn degenerate_and_duplicate_triangles_are_dropped_and_counted() {
+    // Vertex 5 lies where vertex 1 does: one face repeats a corner by position, two repeat the first face.
+    let report = baked("odd.obj", format!("{SQUARE}v 0 0 0\nf 1 5 2\nf 2 3 1\nf 5 2 3\n"));
+    assert_eq!(report["triangles"], 2, "{report}");
+    assert_eq!(report["degenerate_triangles"], 1, "{report}");
+    assert_eq!(report["duplicate_triangles"], 2, "{report}");
+}
+
+#[test]
+fn a_non_manifold_fan_bakes_and_verifies() {
+    let mut text = "v 0 0 0\nv 0 0 1\n".to_owned();
+    for blade in 0..8u8 {
+        let angle = f32::from(blade) * std::f32::consts::TAU / 8.0;
+        text.push_str(&format!("v {} {} 0.5\nf 1 2 {}\n", angle.cos(), angle.sin(), blade + 3));
+    }
+    let report = baked("fan.obj", text);
+    assert_eq!(report["triangles"], 8, "{report}");
+    assert_eq!(report["non_manifold_edges"], 1, "{report}");
+}
+
+#[test]
+fn a_bow_tie_and_an_inner_wall_bake_and_verify() {
+    let bow_tie = "v 0 0 0\nv 1 1 0\nv 1 -1 0\nv -1 1 0\nv -1 -1 0\nf 1 3 2\nf 1 4 5\n";
+    assert_eq!(baked("bow_tie.obj", bow_tie)["triangles"], 2);
+    let walled = obj(&[crate::common::patched_box(3)]) + "v 0.5 0 0\nv 0.5 1 0\nv 0.5 1 1\nf -3 -2 -1\n";
+    assert_eq!(baked("walled.obj", walled)["triangles"], 6 * 9 * 2 + 1);
+}
+
+#[test]
+fn a_part_of_one_triangle_bakes_verifies_and_exports() {
+    let place = Workplace::new();
+    place.write("one.obj", TRIANGLE);
+    let report = place.bake("one.obj", "one.clps");
+    assert_eq!((&report["triangles"], &report["vertices"]), (&1.into(), &3.into()));
+    place.verify("one.clps");
+    for output in ["again.obj", "again.glb"] {
+        for level in [["--ratio", "1"], ["--vertices", "1"], ["--error", "1000"]] {
+            place.run(&[&["export", "one.clps", "-o", output] as &[&str], &level].concat()).succeeded();
+            assert_eq!(place.bake(output, "again.clps")["triangles"], 1, "{output} {level:?}");
+        }
+    }
+}
+
+#[test]
+fn a_part_of_one_triangle_flies() {
+    if !has_gpu("cli::input::a_part_of_one_triangle_flies") {
+        return;
+    }
+    let place = Workplace::new();
+    place.write("one.obj", TRIANGLE);
+    place.bake("one.obj", "one.clps");
+    assert_eq!(place.fly_briefly("one.clps")["active_triangles_mean"], 1.0);
+}
+
+#[test]
+fn malformed_gltf_is_refused() {
+    for text in ["{", "{}", "[]", "null", "{\"asset\": 3}", "\u{0}", &"[".repeat(100_000)] {
+        bake_fails("model.gltf", text, &[]);
+    }
+    for length in [4u32, 12, 20, u32::MAX] {
+        let header = [b"glTF" as &[u8], &2u32.to_le_bytes(), &length.to_le_bytes()].concat();
+        bake_fails("model.glb", header, &[]);
+    }
+}
+
+#[test]
+fn a_pipe_is_no_model_and_is_not_waited_for() {
+    let place = Workplace::new();
+    let made = std::process::Command::new("mkfifo").arg(place.path("pipe.obj")).status();
+    if !made.is_ok_and(|status| status.success()) {
+        eprintln!("skipped: no pipe can be made here (mkfifo)");
+        return;
+    }
+    place.run(&["bake", "pipe.obj", "-o", "out.clps"]).failed(&["not a file: pipe.obj"]);
+    place.run(&["info", "pipe.obj"]).failed(&["not a file: pipe.obj"]);
+    assert_eq!(names(&place.path("")), ["pipe.obj"]);
+}
+
+#[test]
+fn an_unknown_extension_is_named_with_the_known_ones() {
+    bake_fails("model.step", TRIANGLE, &["unknown extension \"step\"", "obj, glb, gltf"]);
+    bake_fails("model", TRIANGLE, &["unknown extension \"\"", "obj, glb, gltf"]);
+}
+
+#[test]
+fn files_that_a_model_refers_to_are_named_when_they_are_missing() {
+    let text = r#"{"asset": {"version": "2.0"}, "buffers": [{"uri": "none.bin", "byteLength": 8}]}"#;
+    bake_fails("model.gltf", text, &["none.bin", "does not exist"]);
+    let report = baked("model.obj", format!("mtllib none.mtl\n{TRIANGLE}"));
+    assert!(notes(&report).contains("none.mtl"), "{report}");
+}

@@ -1,0 +1,108 @@
+//! Ctrl-C in the middle of long work: exit code 130, one line, nothing left.
+
+#![cfg(unix)]
+
+use std::cell::Cell;
+use std::process::{Child, Command};
+use std::time::{Duration, Instant};
+
+use collapsar::geometry::Boundary;
+use collapsar::geometry::part::order_part_unless;
+
+use crate::common::{height_field, patched_box};
+use crate::models::{obj, placed_glb};
+use crate::workplace::{Outcome, Workplace, has_gpu, names};
+
+/// From the signal to the end.
+const PATIENCE: Duration = Duration::from_secs(15);
+
+fn interrupt(child: &Child) {
+    let status = Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap();
+    assert!(status.success());
+}
+
+/// Starts, waits, interrupts, and waits for the end.
+fn interrupted_after(place: &Workplace, arguments: &[&str], wait: Duration) -> Outcome {
+    let child = place.command(arguments).spawn().unwrap();
+    std::thread::sleep(wait);
+    interrupt(&child);
+    let signalled = Instant::now();
+    let output = child.wait_with_output().unwrap();
+    assert!(signalled.elapsed() < PATIENCE, "it took {:?} to stop", signalled.elapsed());
+    Outcome::of(&output)
+}
+
+#[test]
+fn an_interrupted_bake_leaves_nothing() {
+    let place = Workplace::new();
+    // Many parts of middle size: minutes of work, however fast the machine.
+    place.write("large.obj", obj(&vec![height_field(60); 150]));
+    let before = place.snapshot();
+    for wait in [200, 1500] {
+        let bake = ["bake", "large.obj", "-o", "large.clps"];
+        let outcome = interrupted_after(&place, &bake, Duration::from_millis(wait));
+        outcome.failed_with(130, &["interrupted; nothing was written"]);
+        place.assert_unchanged(&before);
+    }
+}
+
+/// A single part may be the whole model: it is not ordered to its end first.
+#[test]
+fn a_part_of_several_cells_stops_between_two() {
+    let large = height_field(260);
+    assert!(large.positions.len() > 65_536, "one cell holds it");
+    let asked = Cell::new(0);
+    let stop_at_second = || asked.replace(asked.get() + 1) > 0;
+    let outcome = order_part_unless(&large, Boundary::Slide, &stop_at_second);
+    assert_eq!((asked.get(), outcome.cells.len()), (2, 1));
+}
+
+#[test]
+fn an_interrupted_bake_keeps_the_older_container() {
+    let place = Workplace::new();
+    place.write("model.obj", obj(&[patched_box(2)]));
+    place.bake("model.obj", "model.clps");
+    place.write("model.obj", obj(&vec![height_field(60); 150]));
+    let before = place.snapshot();
+    let bake = ["bake", "model.obj", "-o", "model.clps"];
+    let outcome = interrupted_after(&place, &bake, Duration::from_millis(700));
+    outcome.failed_with(130, &["interrupted; nothing was written"]);
+    place.assert_unchanged(&before);
+    place.verify("model.clps");
+}
+
+#[test]
+fn an_interrupted_export_leaves_nothing() {
+    let place = Workplace::new();
+    let mesh = patched_box(10);
+    // OBJ repeats every placement: gigabytes, which the disk never gets to see.
+    let model = placed_glb(&mesh.positions, mesh.triangles.as_flattened(), 4, 50_000);
+    place.write("many.glb", model);
+    place.bake("many.glb", "many.clps");
+    let before = place.snapshot();
+    let export = ["export", "many.clps", "--ratio", "1", "-o", "many.obj"];
+    let child = place.command(&export).spawn().unwrap();
+    let started = Instant::now();
+    while names(&place.path("")).len() == before.len() {
+        assert!(started.elapsed() < PATIENCE, "it does not start to write");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    interrupt(&child);
+    let outcome = Outcome::of(&child.wait_with_output().unwrap());
+    outcome.failed_with(130, &["interrupted; this file was not written"]);
+    place.assert_unchanged(&before);
+}
+
+#[test]
+fn an_interrupted_flight_writes_no_numbers() {
+    if !has_gpu("cli::interrupted::an_interrupted_flight_writes_no_numbers") {
+        return;
+    }
+    let place = Workplace::new();
+    place.write("box.obj", obj(&[patched_box(4)]));
+    place.bake("box.obj", "box.clps");
+    let flight = ["fly", "box.clps", "--frames", "1000000", "--size", "64x64", "--out", "flight"];
+    let outcome = interrupted_after(&place, &flight, Duration::from_millis(1500));
+    outcome.failed_with(130, &["interrupted; the flight's numbers were not written"]);
+    assert_eq!(names(&place.path("flight")), [""; 0]);
+}

@@ -295,7 +295,7 @@ impl Renderer {
         }
         for (batch, upload) in self.batches.iter_mut().zip(&uploads).filter(|(_, upload)| !upload.is_empty())
         {
-            let totals = plan::totals_after(batch, upload, &self.wanted);
+            let totals = plan::totals_after(batch, &self.wanted);
             let grants = upload.grants.len() as u64;
             batch.ensure(&self.gpu, totals, upload.layout.words(), grants)?;
         }

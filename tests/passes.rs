@@ -895,7 +895,7 @@ fn readbacks_beyond_the_end_are_errors() {
     let buffer = upload(gpu, &[1u32; 8]);
     assert!(matches!(readback::read(gpu, &buffer, 0..36), Err(GpuError::Invalid(_))));
     assert!(matches!(readback::read(gpu, &buffer, 2..8), Err(GpuError::Invalid(_))));
-    assert_eq!(readback::read(gpu, &buffer, 4..4).unwrap(), []);
+    assert!(readback::read(gpu, &buffer, 4..4).unwrap().is_empty());
     assert_eq!(readback::read(gpu, &buffer, 4..12).unwrap(), [1, 0, 0, 0, 1, 0, 0, 0]);
 }
 

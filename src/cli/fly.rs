@@ -325,8 +325,14 @@ fn identity_line(summary: &Summary) -> String {
 fn saving_line(summary: &Summary) -> String {
     let sent = human::bytes(summary.bytes_sent_total);
     let whole = human::bytes(summary.bytes_whole_total);
+    let steady = match summary.steady_share {
+        Some(share) => format!("; after the first frame {:.3} % of what `whole` sends", 100.0 * share),
+        None => String::new(),
+    };
     match summary.transfer_saving {
-        Some(saving) => format!("transfer saving: {saving:.1} x ({sent} sent, `whole` sends {whole})"),
+        Some(saving) => {
+            format!("transfer saving: {saving:.1} x ({sent} sent, `whole` sends {whole}){steady}")
+        }
         None => format!("transfer saving: nothing was sent (`whole` sends {whole})"),
     }
 }

@@ -93,9 +93,7 @@ impl Renderer {
         let started = Instant::now();
         let batches = self.batches.iter_mut().zip(&mut self.mirrors).zip(uploads);
         for ((batch, mirror), upload) in batches.filter(|(_, upload)| !upload.is_empty()) {
-            let mut words = vec![0u32; upload.layout.words() as usize];
-            upload.gather(&self.residency, bytemuck::cast_slice_mut::<u32, u8>(&mut words).into());
-            mirror.rebuild(upload, &words);
+            mirror.rebuild(upload, &upload.words(&self.residency));
             let queue = &self.gpu.queue;
             queue.write_buffer(&batch.active()[0], 0, bytemuck::cast_slice(&mirror.active_vertices()));
             queue.write_buffer(&batch.indices, 0, bytemuck::cast_slice(&mirror.indices));

@@ -176,7 +176,7 @@ impl Renderer {
 }
 
 /// Active elements of each stream that a batch will have.
-pub(super) fn totals_after(batch: &Batch, _upload: &BatchUpload, wanted: &[State]) -> [u64; STREAMS] {
+pub(super) fn totals_after(batch: &Batch, wanted: &[State]) -> [u64; STREAMS] {
     let mut totals = [0; STREAMS];
     for &instance in &batch.instances {
         let state = wanted[instance as usize];

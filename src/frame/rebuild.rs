@@ -36,8 +36,8 @@ impl Rebuild {
         self.prefix_sum.size_bytes()
     }
 
-    /// Records all passes of one batch; returns how many compute passes that were.
-    fn record(
+    /// Records everything up to the active buffers of one batch.
+    fn record_active(
         &mut self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
@@ -45,12 +45,11 @@ impl Rebuild {
         batch: &Batch,
         upload: &BatchUpload,
         totals: [u32; STREAMS],
-    ) -> Result<u64, GpuError> {
-        self.record_grants(gpu, encoder, timer, batch, upload)?;
+    ) -> Result<(), GpuError> {
+        self.record_grants(gpu, encoder, timer, batch, upload);
         self.record_starts(gpu, encoder, timer, batch)?;
         self.record_defragment(gpu, encoder, timer, batch, upload, totals);
-        self.record_reform(gpu, encoder, timer, batch, totals);
-        Ok(4)
+        Ok(())
     }
 
     fn record_grants(
@@ -60,7 +59,7 @@ impl Rebuild {
         timer: &mut Timer,
         batch: &Batch,
         upload: &BatchUpload,
-    ) -> Result<(), GpuError> {
+    ) {
         let buffers = GrantBuffers {
             grants: &batch.grants,
             budgets: batch.budgets.each_ref(),
@@ -71,7 +70,6 @@ impl Rebuild {
             GrantParams { grant_count: upload.grants.len() as u32, instance_count: batch.instance_count() };
         let mut pass = begin(encoder, timer, "grant");
         self.grant.record(gpu, &mut pass, &params, &buffers);
-        Ok(())
     }
 
     fn record_starts(
@@ -203,9 +201,11 @@ impl Renderer {
         record: &mut FrameRecord,
     ) -> Result<(), FrameError> {
         let started = Instant::now();
-        for (batch, upload) in self.batches.iter().zip(uploads).filter(|(_, upload)| !upload.is_empty()) {
-            let mut words = vec![0u32; upload.layout.words() as usize];
-            upload.gather(&self.residency, bytemuck::cast_slice_mut::<u32, u8>(&mut words).into());
+        let gathered: Vec<Vec<u32>> = uploads.iter().map(|upload| upload.words(&self.residency)).collect();
+        record.gather_ms = milliseconds_since(started);
+        let started = Instant::now();
+        let sent = self.batches.iter().zip(uploads).zip(&gathered);
+        for ((batch, upload), words) in sent.filter(|((_, upload), _)| !upload.is_empty()) {
             self.gpu.queue.write_buffer(&batch.grants, 0, bytemuck::cast_slice(&upload.grants));
             for range in upload.word_ranges() {
                 let bytes = bytemuck::cast_slice(&words[range.clone()]);
@@ -231,20 +231,49 @@ impl Renderer {
         uploads: &[BatchUpload],
         record: &mut FrameRecord,
     ) -> Result<(), FrameError> {
-        let mut encoder = self.gpu.encoder("rebuild");
-        for (batch, upload) in self.batches.iter_mut().zip(uploads).filter(|(_, upload)| !upload.is_empty()) {
+        let changed: Vec<usize> = (0..uploads.len()).filter(|&batch| !uploads[batch].is_empty()).collect();
+        let totals = |this: &Self, batch: usize| {
             // `ensure` has checked the totals against buffer sizes, which are far below 2^32 elements.
-            let totals = plan::totals_after(batch, upload, &self.wanted).map(|total| total as u32);
-            record.compute_passes +=
-                self.rebuild.record(&self.gpu, &mut encoder, &mut self.timer, batch, upload, totals)?;
+            plan::totals_after(&this.batches[batch], &this.wanted).map(|total| total as u32)
+        };
+        let started = Instant::now();
+        let mut encoder = self.gpu.encoder("defragment");
+        for &number in &changed {
+            let totals = totals(self, number);
+            let (batch, upload) = (&self.batches[number], &uploads[number]);
+            self.rebuild.record_active(&self.gpu, &mut encoder, &mut self.timer, batch, upload, totals)?;
+        }
+        self.gpu.submit(encoder)?;
+        record.defragment_ms = self.wait_if_not_timed(started)?;
+
+        let started = Instant::now();
+        let mut encoder = self.gpu.encoder("reform");
+        for &number in &changed {
+            let totals = totals(self, number);
+            let batch = &mut self.batches[number];
+            self.rebuild.record_reform(&self.gpu, &mut encoder, &mut self.timer, batch, totals);
             self.gpu.queue.write_buffer(&batch.indirect, 0, bytemuck::cast_slice(&draw_arguments(totals)));
-            record.bytes_tables += 20;
             batch.swap(totals);
         }
         self.gpu.submit(encoder)?;
+        record.reform_ms = self.wait_if_not_timed(started)?;
+        record.bytes_tables += 20 * changed.len() as u64;
+        record.compute_passes += PASSES_A_BATCH * changed.len() as u64;
         Ok(())
     }
+
+    /// Where the adapter has no timestamps of its own, a stage is timed by waiting for it.
+    fn wait_if_not_timed(&self, started: Instant) -> Result<f64, FrameError> {
+        if self.gpu.timestamps || !self.settings.time_stages {
+            return Ok(0.0);
+        }
+        self.gpu.wait()?;
+        Ok(milliseconds_since(started))
+    }
 }
+
+/// Grant, prefix sums, defragment, reform.
+const PASSES_A_BATCH: u64 = 4;
 
 /// Index count, instance count, first index, base vertex, first instance.
 pub(super) fn draw_arguments(totals: [u32; STREAMS]) -> [u32; 5] {

@@ -103,6 +103,12 @@ struct Faults {
     lost: Option<GpuError>,
 }
 
+/// Whether the adapter's timestamps say how long its work takes. A software adapter writes them when it takes up a
+/// pass, not when its threads have done it: 840,000 triangles reformed in 8 microseconds.
+fn can_time(adapter: &wgpu::Adapter, info: &wgpu::AdapterInfo) -> bool {
+    adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY) && info.device_type != wgpu::DeviceType::Cpu
+}
+
 impl Gpu {
     /// Opens an adapter without a window.
     ///
@@ -119,7 +125,7 @@ impl Gpu {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
         let adapter = choose_adapter(&instance, options).await?;
         let adapter_info = adapter.get_info();
-        let timestamps = adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY);
+        let timestamps = can_time(&adapter, &adapter_info);
         let (device, queue) =
             adapter.request_device(&describe_device(&adapter, timestamps)).await.map_err(|error| {
                 GpuError::Unsuitable { adapter: adapter_info.name.clone(), reason: error.to_string() }

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 use std::sync::mpsc;
+use std::time::Duration;
 
 use super::{Gpu, GpuError};
 
@@ -37,13 +38,17 @@ pub fn read_values<T: bytemuck::Pod>(
     Ok(bytemuck::pod_collect_to_vec(&bytes))
 }
 
+/// How long a callback may be on its way after the GPU is done.
+const CALLBACK: Duration = Duration::from_secs(10);
+
 /// Maps a buffer with the usage `MAP_READ`, waits, and copies its first `size` bytes.
 pub(super) fn read_mapped(gpu: &Gpu, staging: &wgpu::Buffer, size: u64) -> Result<Vec<u8>, GpuError> {
     let (sender, receiver) = mpsc::channel();
     // The receiver outlives the wait below, and if not, nobody wants to know.
     staging.map_async(wgpu::MapMode::Read, 0..size, move |result| drop(sender.send(result)));
     gpu.wait()?;
-    let mapped = receiver.try_recv().map_err(|error| GpuError::Lost(error.to_string()))?;
+    // Another thread's wait may be the one that calls back, a moment after this one has returned.
+    let mapped = receiver.recv_timeout(CALLBACK).map_err(|error| GpuError::Lost(error.to_string()))?;
     mapped.map_err(|error| GpuError::Invalid(error.to_string()))?;
     let view = staging.get_mapped_range(0..size).map_err(|error| GpuError::Invalid(error.to_string()))?;
     let bytes = view.to_vec();

@@ -6,4 +6,5 @@
 pub mod states;
 pub mod wish;
 
-pub use wish::{SelectOn, Wishes};
+pub use states::StateChooser;
+pub use wish::{SelectOn, Wishes, select_rows};

@@ -81,13 +81,17 @@ fn lower_kept(residency: &Residency, parts: &[u32], wishes: &[u32], counts: &mut
     }
 }
 
-/// Raises counts that were rounded down to their next state, as long as that can be paid.
+/// Raises counts to their next state as long as that can be paid: first those that were rounded down, then any, so
+/// that the budget is spent to the last vertex where a step of one vertex exists.
 fn raise_rounded(residency: &Residency, parts: &[u32], wishes: &[u32], counts: &mut [u32], left: &mut i64) {
-    for i in 0..counts.len() {
-        if *left <= 0 {
-            return;
-        }
-        if counts[i] < wishes[i] {
+    for any in [false, true] {
+        for i in 0..counts.len() {
+            if *left <= 0 {
+                return;
+            }
+            if counts[i] == 0 || !(any || counts[i] < wishes[i]) {
+                continue;
+            }
             let at = residency.part(parts[i]).triangles_at();
             let next = at.state_at_least(counts[i] as usize + 1).map_or(0, |next| next as u32);
             if next > 0 && i64::from(next - counts[i]) <= *left {

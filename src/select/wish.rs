@@ -122,7 +122,8 @@ impl OnGpu {
     }
 }
 
-fn select_rows(scene: &Scene) -> Vec<SelectRow> {
+/// What selection knows of every instance of a scene, in order.
+pub fn select_rows(scene: &Scene) -> Vec<SelectRow> {
     let instances = scene.instances().iter().zip(scene.boxes());
     instances
         .map(|(instance, bounds)| {

@@ -70,6 +70,8 @@ pub struct Summary {
     pub bytes_whole_total: u64,
     /// What strategy `per-part` would have sent in all.
     pub bytes_per_part_total: u64,
+    /// Bytes sent after the first frame over those that `whole` would have sent then; `None` after one frame.
+    pub steady_share: Option<f64>,
     /// `bytes_whole_total` over `bytes_sent_total`; `null` where nothing was sent.
     pub transfer_saving: Option<f64>,
     /// The median frame.
@@ -115,6 +117,7 @@ impl Summary {
             bytes_whole_total: whole,
             bytes_per_part_total: total(|r| r.bytes_per_part),
             transfer_saving: (sent > 0).then(|| whole as f64 / sent as f64),
+            steady_share: steady_share(records),
             frame_ms_p50: percentile(&frame_ms, 50.0),
             frame_ms_p99: percentile(&frame_ms, 99.0),
             frame_ms_mean: frame_ms.iter().sum::<f64>() / records.len().max(1) as f64,
@@ -132,6 +135,15 @@ impl Summary {
     pub fn stage(&self, name: &str) -> f64 {
         self.stage_ms.get(name).copied().unwrap_or(0.0)
     }
+}
+
+/// The first frame must send everything whatever the strategy; what follows shows the coherence.
+fn steady_share(records: &[FrameRecord]) -> Option<f64> {
+    let later = records.get(1..)?;
+    let (sent, whole) = later.iter().fold((0u64, 0u64), |(sent, whole), record| {
+        (sent.saturating_add(record.bytes_sent), whole.saturating_add(record.bytes_whole))
+    });
+    (whole > 0).then(|| sent as f64 / whole as f64)
 }
 
 fn stage_means(records: &[FrameRecord]) -> BTreeMap<String, f64> {

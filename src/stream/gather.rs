@@ -132,6 +132,13 @@ impl BatchUpload {
         fill(&runs, rest_start, rest);
     }
 
+    /// The streamed words in memory of the host.
+    pub fn words(&self, residency: &Residency) -> Vec<u32> {
+        let mut words = vec![0u32; self.layout.words() as usize];
+        self.gather(residency, bytemuck::cast_slice_mut::<u32, u8>(&mut words).into());
+        words
+    }
+
     /// The runs of all parts in the order of the buffer.
     fn runs<'a>(&'a self, residency: &'a Residency) -> Vec<Run<'a>> {
         let mut runs: Vec<Run<'a>> = Vec::with_capacity(3 * self.lacks.len() + 1);

@@ -155,7 +155,7 @@ impl Evaluator {
                     let cost = cost + self.price(setting, position, target, ring.1, phase);
                     return Ok(Candidate { action: Action::Collapse(target), cost, phase });
                 }
-                Err(cause) => stall = if stall == Stall::None { cause } else { stall },
+                Err(cause) => stall = if cause == Stall::None { stall } else { cause },
             }
         }
         self.vanishing(mesh, setting, position).ok_or(stall)
@@ -342,11 +342,11 @@ impl Evaluator {
         if phase == Phase::Strict && self.flips(setting, position, neighbour.position) {
             return Err(Stall::Flip);
         }
-        let complex = phase == Phase::Junctions && self.neighbours.iter().any(|n| n.faces > 2);
-        if !complex && !self.link_holds(mesh, position, neighbour.position) {
-            return Err(Stall::NonManifold);
+        if self.link_holds(mesh, position, neighbour.position) {
+            return Ok(());
         }
-        Ok(())
+        let complex = || self.neighbours.iter().any(|n| n.faces > 2) || is_complex(mesh, neighbour.position);
+        if phase == Phase::Junctions && complex() { Ok(()) } else { Err(Stall::NonManifold) }
     }
 
     /// Whether a surviving triangle would turn by more than the limit, or lose its area.
@@ -372,11 +372,12 @@ impl Evaluator {
             }
         }
         let in_ring = |p: u32| self.mark[p as usize].0 == self.stamp;
-        mesh.faces(target).filter(|face| !face.touches(position)).all(|face| {
+        let breaks = |face: Face| {
             let common = face.positions.map(in_ring);
             let stray = |i: usize| common[i] && self.counted[face.positions[i] as usize] != across;
-            !stray(0) && !stray(1) && !(common == [true, true] && self.has_face(face.positions))
-        })
+            stray(0) || stray(1) || common == [true, true] && self.has_face(face.positions)
+        };
+        !mesh.faces(target).filter(|face| !face.touches(position)).any(breaks)
     }
 
     fn has_face(&self, [a, b]: [u32; 2]) -> bool {
@@ -452,6 +453,13 @@ impl Evaluator {
         self.collect(mesh, position);
         self.ring_quadric(setting, position).0
     }
+}
+
+/// Whether more than two triangles meet at an edge of a position.
+fn is_complex(mesh: &CornerMesh, position: u32) -> bool {
+    let mut others: Vec<u32> = mesh.faces(position).flat_map(|face| face.positions).collect();
+    others.sort_unstable();
+    others.chunk_by(|a, b| a == b).any(|edge| edge.len() > 2)
 }
 
 /// The diagonal of the box of some positions.

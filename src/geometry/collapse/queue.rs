@@ -97,7 +97,8 @@ impl BucketQueue {
 }
 
 fn bucket_of(cost: f32) -> usize {
-    ((cost.max(0.0).min(f32::MAX).to_bits() >> SHIFT) as usize).min(BUCKETS - 1)
+    // `max` also makes a cost that is not a number the cheapest, so that it cannot stay in the way for ever.
+    ((cost.max(0.0).to_bits() >> SHIFT) as usize).min(BUCKETS - 1)
 }
 
 #[cfg(test)]

@@ -963,3 +963,16 @@ fn without_a_driver_the_message_says_what_to_install() {
         .unwrap();
     assert!(status.success());
 }
+
+#[test]
+fn threads_that_share_a_device_read_back_what_is_theirs() {
+    let Some(gpu) = gpu() else { return };
+    let read_own = |thread: u32| {
+        for round in 0..200 {
+            let buffer = gpu.storage("shared", 64).unwrap();
+            gpu.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&[thread * 1000 + round; 16]));
+            assert_eq!(readback::read_values::<u32>(gpu, &buffer, 16).unwrap(), [thread * 1000 + round; 16]);
+        }
+    };
+    std::thread::scope(|scope| (0..4).for_each(|thread| drop(scope.spawn(move || read_own(thread)))));
+}

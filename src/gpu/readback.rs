@@ -2,8 +2,12 @@
 
 use std::ops::Range;
 use std::sync::mpsc;
+use std::time::Duration;
 
 use super::{Gpu, GpuError};
+
+/// How long another thread, which polled the device first, may take to hand over a mapping that is complete.
+const HAND_OVER: Duration = Duration::from_secs(30);
 
 /// Waits for all that was submitted, and reads `range` (bytes) of a buffer with the usage `COPY_SRC`.
 ///
@@ -43,7 +47,8 @@ pub(super) fn read_mapped(gpu: &Gpu, staging: &wgpu::Buffer, size: u64) -> Resul
     // The receiver outlives the wait below, and if not, nobody wants to know.
     staging.map_async(wgpu::MapMode::Read, 0..size, move |result| drop(sender.send(result)));
     gpu.wait()?;
-    let mapped = receiver.try_recv().map_err(|error| GpuError::Lost(error.to_string()))?;
+    // The mapping is complete, but whichever thread polled first calls back, and that may be a moment later.
+    let mapped = receiver.recv_timeout(HAND_OVER).map_err(|error| GpuError::Lost(error.to_string()))?;
     mapped.map_err(|error| GpuError::Invalid(error.to_string()))?;
     let view = staging.get_mapped_range(0..size).map_err(|error| GpuError::Invalid(error.to_string()))?;
     let bytes = view.to_vec();

@@ -963,3 +963,24 @@ fn without_a_driver_the_message_says_what_to_install() {
         .unwrap();
     assert!(status.success());
 }
+
+#[test]
+fn a_readback_waits_for_its_callback_when_another_thread_polls() {
+    let Some(gpu) = gpu() else { return };
+    let done = std::sync::atomic::AtomicBool::new(false);
+    let poll = || {
+        while !done.load(std::sync::atomic::Ordering::Relaxed) {
+            gpu.device.poll(wgpu::PollType::Poll).unwrap();
+        }
+    };
+    let read = || {
+        let buffer = gpu.storage("shared", 64).unwrap();
+        (0..2000).all(|_| readback::read_values::<u32>(gpu, &buffer, 16).is_ok_and(|read| read == [0; 16]))
+    };
+    std::thread::scope(|scope| {
+        (0..4).for_each(|_| drop(scope.spawn(poll)));
+        let read = read();
+        done.store(true, std::sync::atomic::Ordering::Relaxed);
+        assert!(read);
+    });
+}

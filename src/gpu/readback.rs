@@ -6,6 +6,9 @@ use std::time::Duration;
 
 use super::{Gpu, GpuError};
 
+/// How long another thread, which polled the device first, may take to hand over a mapping that is complete.
+const HAND_OVER: Duration = Duration::from_secs(30);
+
 /// Waits for all that was submitted, and reads `range` (bytes) of a buffer with the usage `COPY_SRC`.
 ///
 /// # Errors
@@ -38,17 +41,14 @@ pub fn read_values<T: bytemuck::Pod>(
     Ok(bytemuck::pod_collect_to_vec(&bytes))
 }
 
-/// How long a callback may be on its way after the GPU is done.
-const CALLBACK: Duration = Duration::from_secs(10);
-
 /// Maps a buffer with the usage `MAP_READ`, waits, and copies its first `size` bytes.
 pub(super) fn read_mapped(gpu: &Gpu, staging: &wgpu::Buffer, size: u64) -> Result<Vec<u8>, GpuError> {
     let (sender, receiver) = mpsc::channel();
     // The receiver outlives the wait below, and if not, nobody wants to know.
     staging.map_async(wgpu::MapMode::Read, 0..size, move |result| drop(sender.send(result)));
     gpu.wait()?;
-    // Another thread's wait may be the one that calls back, a moment after this one has returned.
-    let mapped = receiver.recv_timeout(CALLBACK).map_err(|error| GpuError::Lost(error.to_string()))?;
+    // The mapping is complete, but whichever thread polled first calls back, and that may be a moment later.
+    let mapped = receiver.recv_timeout(HAND_OVER).map_err(|error| GpuError::Lost(error.to_string()))?;
     mapped.map_err(|error| GpuError::Invalid(error.to_string()))?;
     let view = staging.get_mapped_range(0..size).map_err(|error| GpuError::Invalid(error.to_string()))?;
     let bytes = view.to_vec();

@@ -12,8 +12,12 @@ use crate::gpu::target::{COLOUR_FORMAT, DEPTH_FORMAT, Target};
 use crate::import::Colour;
 use crate::scene::camera::{Camera, split_f64};
 
+/// What a surface and the background look like, whoever places the corners: the first piece of [`SHADER`].
+pub const SURFACE: &str = include_str!("../../shaders/shared/surface.wgsl");
+
 /// The shader's source.
-pub const SHADER: &str = include_str!("../../shaders/draw.wgsl");
+pub const SHADER: &str =
+    concat!(include_str!("../../shaders/shared/surface.wgsl"), include_str!("../../shaders/draw.wgsl"));
 
 /// Bytes of an active vertex: the three words of a vertex record, then its instance's number within the batch.
 pub const ACTIVE_VERTEX_BYTES: u64 = 16;
@@ -56,7 +60,7 @@ impl FrameUniform {
             eye_high,
             mode: mode as u32,
             eye_low,
-            to_key: towards(-0.3, 0.6, 0.95),
+            to_key: towards(-0.6, 0.7, 0.6),
             to_rim: towards(0.85, 0.15, -0.35),
             unused_0: 0,
             unused_1: 0,

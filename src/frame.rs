@@ -151,6 +151,8 @@ pub struct Renderer {
     visible: u64,
 }
 
+/// Bytes of the arguments of one indirect draw.
+pub(crate) const DRAW_BYTES: u64 = 20;
 /// After so many frames with the same camera every dead band is closed and budgets are exact.
 const FRAMES_TO_REST: u32 = 3;
 
@@ -378,8 +380,12 @@ impl Renderer {
         record.bytes_triangles = record.streamed_triangles * crate::stream::delta::TRIANGLE_BYTES;
         record.bytes_sent =
             record.bytes_vertices + record.bytes_ecol + record.bytes_triangles + record.bytes_tables;
-        // `whole` and `per-part` send every visible instance's records and its grant, in every frame.
-        let all = self.bytes_of_states + self.visible * size_of::<crate::gpu::layout::Grant>() as u64;
+        // `whole` and `per-part` send every visible instance's records and its grant, in every frame, and what any
+        // strategy sends: the arguments of the draws and a camera that moved.
+        let grants = self.visible * size_of::<crate::gpu::layout::Grant>() as u64;
+        let draws = DRAW_BYTES * self.batches.len() as u64;
+        let camera = if self.frames_at_rest == 0 { size_of::<FrameUniform>() as u64 } else { 0 };
+        let all = self.bytes_of_states + grants + draws + camera;
         record.bytes_whole = all;
         record.bytes_per_part = all;
         record.gpu_bytes = self.gpu_bytes();

@@ -200,8 +200,10 @@ fn whole_sends_what_coherent_says_it_would() {
     let whole = fly(&gpu, &engine(), "orbit", 8, Settings { strategy: Strategy::Whole, ..SMALL });
     for (predicted, sent) in coherent.iter().zip(&whole) {
         let streams = |r: &FrameRecord| r.bytes_vertices + r.bytes_ecol + r.bytes_triangles;
-        let grants = 16 * predicted.0.instances_visible;
-        assert_eq!(predicted.0.bytes_whole, streams(&sent.0) + grants);
+        let (grants, draws, camera) = (16 * predicted.0.instances_visible, 20, 128);
+        assert_eq!(predicted.0.bytes_whole, streams(&sent.0) + grants + draws + camera);
+        // What leaves the view needs a grant too, which the prediction leaves out.
+        assert!((predicted.0.bytes_whole..predicted.0.bytes_whole + 2000).contains(&sent.0.bytes_sent));
     }
 }
 

@@ -15,11 +15,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use collapsar::geometry::cells;
 use collapsar::geometry::collapse::{Boundary, CollapseOrder, Target, collapse_order, flip_limit};
+use collapsar::geometry::normals::{CREASE_DEGREES, by_crease_angle};
 use collapsar::geometry::order::{OrderedMesh, arrange};
 use collapsar::geometry::part::order_part;
 use collapsar::geometry::weld::{WeldedMesh, grid_of, weld};
 use collapsar::import::SourceMesh;
 use proptest::prelude::*;
+use rayon::prelude::*;
 
 /// The dumbest sequential simplification: every step rewrites the whole list.
 struct Naive<'a> {
@@ -115,6 +117,18 @@ fn ecol_points_below(mesh: &OrderedMesh) {
     }
 }
 
+/// Invariants 2 and 3 at one state.
+fn compare_state(naive: &Naive<'_>, mesh: &OrderedMesh, vn: u32) {
+    let reformed = mesh.reformed(vn);
+    assert!(reformed.iter().flatten().all(|&v| v < vn), "an index is not below {vn}");
+    let back = reformed.iter().map(|t| t.map(|v| mesh.source_wedge[v as usize]));
+    assert_eq!(sorted(back), sorted(naive.triangles.iter().copied()), "state {vn}");
+    for later in &mesh.triangles[reformed.len()..] {
+        let [a, b, c] = later.map(|v| mesh.position_of[mesh.resolve(v, vn) as usize]);
+        assert!(a == b || b == c || c == a, "a later triangle is left at {vn}: {later:?}");
+    }
+}
+
 /// Invariants 2, 3 and 6, at every `stride`-th state.
 fn every_prefix_is_the_sequential_mesh(
     welded: &WeldedMesh,
@@ -125,18 +139,7 @@ fn every_prefix_is_the_sequential_mesh(
     let mut naive = Naive::new(welded);
     let mut vn = mesh.vertices.len() as u32;
     let mut moves_start = 0;
-    let check = |naive: &Naive<'_>, vn: u32| {
-        let reformed = mesh.reformed(vn);
-        assert!(reformed.iter().flatten().all(|&v| v < vn), "an index is not below {vn}");
-        let back = reformed.iter().map(|t| t.map(|v| mesh.source_wedge[v as usize]));
-        assert_eq!(sorted(back), sorted(naive.triangles.iter().copied()), "state {vn}");
-        for later in &mesh.triangles[reformed.len()..] {
-            let positions = later.map(|v| mesh.position_of[mesh.resolve(v, vn) as usize]);
-            let [a, b, c] = positions;
-            assert!(a == b || b == c || c == a, "a later triangle is left at {vn}: {positions:?}");
-        }
-    };
-    check(&naive, vn);
+    compare_state(&naive, mesh, vn);
     let strict_cells = welded.triangles.len() < 3_000;
     for (i, group) in order.groups.iter().enumerate() {
         let moves = &order.moves[moves_start..group.moves_end];
@@ -153,7 +156,7 @@ fn every_prefix_is_the_sequential_mesh(
         vn -= moves.len() as u32;
         moves_start = group.moves_end;
         if i % stride == 0 || i + 1 == order.groups.len() {
-            check(&naive, vn);
+            compare_state(&naive, mesh, vn);
         }
     }
     assert_eq!(vn, mesh.locked);
@@ -331,4 +334,73 @@ fn an_open_strip_that_touches_itself_stays_manifold() {
         Boundary::Slide,
         1,
     );
+}
+
+/// Every real model at hand: the same invariants, the sequential mesh compared at about 24 states a part.
+#[test]
+fn invariants_hold_on_real_models() {
+    let mut files = vec![common::bundled("2CylinderEngine.glb"), common::bundled("peterbilt.obj")];
+    if let Some(folder) = common::datasets() {
+        for sub in ["gltf", "obj", "restricted"] {
+            let entries = std::fs::read_dir(folder.join(sub)).into_iter().flatten().flatten();
+            files.extend(entries.map(|entry| entry.path()));
+        }
+    }
+    files.retain(|file| matches!(file.extension().and_then(|e| e.to_str()), Some("glb" | "gltf" | "obj")));
+    files.sort();
+    for file in files {
+        let model = collapsar::import::read(std::slice::from_ref(&file)).unwrap();
+        // The largest models have thousands of parts alike; every third of those is enough.
+        let step = if model.meshes.len() > 1000 { 3 } else { 1 };
+        let triangles: usize = model
+            .meshes
+            .par_iter()
+            .enumerate()
+            .filter(|(number, _)| number % step == 0)
+            .map(|(_, mesh)| {
+                let mut mesh = mesh.clone();
+                by_crease_angle(&mut mesh, CREASE_DEGREES);
+                check_in_strides(&mesh);
+                mesh.triangles.len()
+            })
+            .sum();
+        eprintln!(
+            "{}: {triangles} triangles in {} meshes hold",
+            file.display(),
+            model.meshes.len().div_ceil(step)
+        );
+        assert!(triangles > 0);
+    }
+}
+
+/// As [`check_mesh`], but the oracle takes many steps at a time where the mesh is large.
+fn check_in_strides(source: &SourceMesh) {
+    let Some(grid) = grid_of(source) else { return };
+    let welded = weld(source, grid);
+    if welded.triangles.is_empty() {
+        return;
+    }
+    if welded.triangles.len() < 600 {
+        check_mesh(source, Boundary::Slide, 8);
+        return;
+    }
+    for cell in cells::cut(welded) {
+        let order = collapse_order(&cell.mesh, &cell.locked, Boundary::Slide);
+        let mesh = arrange(&cell.mesh, &order);
+        ecol_points_below(&mesh);
+        errors_do_not_decrease(&order);
+        states_in_strides(&cell.mesh, &order, &mesh, order.groups.len().div_ceil(24).max(1));
+    }
+    tiers_are_prefixes(source, Boundary::Slide);
+}
+
+fn states_in_strides(welded: &WeldedMesh, order: &CollapseOrder, mesh: &OrderedMesh, stride: usize) {
+    let mut naive = Naive::new(welded);
+    let mut start = 0;
+    for groups in order.groups.chunks(stride) {
+        let end = groups[groups.len() - 1].moves_end;
+        naive.step(&order.moves[start..end]);
+        start = end;
+        compare_state(&naive, mesh, (mesh.vertices.len() - end) as u32);
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::{FrameError, Renderer, milliseconds_since, plan};
+use super::{DRAW_BYTES, FrameError, Renderer, milliseconds_since, plan};
 use crate::gpu::batch::{Batch, STREAMS};
 use crate::gpu::layout::{GrantParams, ReformParams};
 use crate::gpu::timer::Timer;
@@ -257,7 +257,7 @@ impl Renderer {
         }
         self.gpu.submit(encoder)?;
         record.reform_ms = self.wait_if_not_timed(started)?;
-        record.bytes_tables += 20 * changed.len() as u64;
+        record.bytes_tables += DRAW_BYTES * changed.len() as u64;
         record.compute_passes += PASSES_A_BATCH * changed.len() as u64;
         Ok(())
     }

@@ -81,7 +81,7 @@ frame_record! {
     bytes_whole: u64,
     /// What strategy `per-part` would have sent.
     bytes_per_part: u64,
-    /// Parts whose granted state had not arrived.
+    /// Instances of which less had arrived than was wished for.
     misses: u64,
     /// Bytes read from disk.
     disk_bytes: u64,

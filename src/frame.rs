@@ -147,10 +147,15 @@ pub struct Renderer {
     /// Whether the last frame left something for the next.
     pending: bool,
     frame: u64,
+    /// What `whole` sends a frame of records ...
     bytes_of_states: u64,
+    /// ... and of grants.
+    grants_of_whole: u64,
     visible: u64,
 }
 
+/// As many as a query set holds: four passes a batch, and the draw.
+const MOST_TIMED_PASSES: usize = 2048;
 /// Bytes of the arguments of one indirect draw.
 pub(crate) const DRAW_BYTES: u64 = 20;
 /// After so many frames with the same camera every dead band is closed and budgets are exact.
@@ -168,7 +173,7 @@ impl Renderer {
         let mut this = Self {
             target,
             rebuild: Rebuild::new(&gpu),
-            timer: Timer::new(&gpu, 64)?,
+            timer: Timer::new(&gpu, MOST_TIMED_PASSES)?,
             wishes: Wishes::new(&gpu, &scene, settings.select)?,
             chooser: StateChooser::default(),
             residency: Residency::new(&scene),
@@ -182,6 +187,7 @@ impl Renderer {
             pending: false,
             frame: 0,
             bytes_of_states: 0,
+            grants_of_whole: 0,
             visible: 0,
             draw,
             gpu,
@@ -273,7 +279,6 @@ impl Renderer {
             self.visible = choice.visible.into();
             self.pending = choice.misses > 0;
             record.misses = choice.misses.into();
-            self.bytes_of_states = crate::stream::gather::bytes_of_states(&self.wanted);
         }
         record.disk_bytes = self.residency.take_bytes_read();
         record.resident_bytes = self.residency.bytes_held();
@@ -380,9 +385,9 @@ impl Renderer {
         record.bytes_triangles = record.streamed_triangles * crate::stream::delta::TRIANGLE_BYTES;
         record.bytes_sent =
             record.bytes_vertices + record.bytes_ecol + record.bytes_triangles + record.bytes_tables;
-        // `whole` and `per-part` send every visible instance's records and its grant, in every frame, and what any
-        // strategy sends: the arguments of the draws and a camera that moved.
-        let grants = self.visible * size_of::<crate::gpu::layout::Grant>() as u64;
+        // `whole` and `per-part` send the records and the grant of every instance that is or was drawn, in every frame,
+        // and what any strategy sends: the arguments of the draws and a camera that moved.
+        let grants = self.grants_of_whole * size_of::<crate::gpu::layout::Grant>() as u64;
         let draws = DRAW_BYTES * self.batches.len() as u64;
         let camera = if self.frames_at_rest == 0 { size_of::<FrameUniform>() as u64 } else { 0 };
         let all = self.bytes_of_states + grants + draws + camera;

@@ -1,13 +1,16 @@
 //! `collapsar bake`: models in, a container out.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use clap::Args;
 use collapsar::bake::{BakeError, BakeOptions, BakeProgress, BakeReport, bake};
+use collapsar::container::MAGIC;
 use collapsar::geometry::Boundary;
 use collapsar::geometry::normals::CREASE_DEGREES;
+use collapsar::geometry::record::Stall;
 use collapsar::stats::report::human;
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -65,16 +68,26 @@ pub fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     output::print_text(&describe(&report, &arguments.output))
 }
 
-/// That a slip of the keyboard does not replace a model by its container.
+/// That a slip of the keyboard does not replace a model, or a file that belongs to one, by its container.
 fn check_not_an_input(inputs: &[PathBuf], output: &Path) -> Result<(), Failure> {
-    let Ok(output) = output.canonicalize() else { return Ok(()) };
-    match inputs.iter().find(|input| input.canonicalize().is_ok_and(|input| input == output)) {
-        Some(input) => Err(Failure::Argument(format!(
+    let Ok(existing) = output.canonicalize() else { return Ok(()) };
+    if let Some(input) = inputs.iter().find(|i| i.canonicalize().is_ok_and(|input| input == existing)) {
+        return Err(Failure::Argument(format!(
             "the container would replace this input; choose another output: {}",
             input.display()
-        ))),
-        None => Ok(()),
+        )));
     }
+    let mut start = Vec::new();
+    let read =
+        std::fs::File::open(&existing).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut start));
+    // What cannot be read is the writer's to refuse; an empty file is nobody's model.
+    if existing.is_file() && read.is_ok() && !start.is_empty() && start != MAGIC {
+        return Err(Failure::Argument(format!(
+            "the container would replace a file that is not a container; choose another output or remove it: {}",
+            output.display()
+        )));
+    }
+    Ok(())
 }
 
 /// Bakes with a progress bar on standard error and a way to stop.
@@ -175,8 +188,9 @@ fn stalled_line(report: &BakeReport) -> String {
     match stalled.iter().max_by_key(|part| part.coarsest_triangles) {
         None => "stalled      no part keeps more than a tenth of its triangles".to_owned(),
         Some(worst) => format!(
-            "stalled      {} parts keep more than a tenth; most: \"{}\", {} of {} triangles ({})",
+            "stalled      {} parts keep more than a tenth ({} of them with few triangles); most: \"{}\", {} of {} ({})",
             human::count(stalled.len() as u64),
+            human::count(stalled.iter().filter(|part| part.cause == Stall::Least.describe()).count() as u64),
             printable(&worst.name),
             human::count(worst.coarsest_triangles),
             human::count(worst.triangles),

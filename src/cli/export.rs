@@ -27,7 +27,7 @@ pub struct ExportArguments {
     /// At most so many vertices a part (but no fewer than its coarsest state has).
     #[arg(long, group = "level", value_name = "N", value_parser = values::count)]
     vertices: Option<u32>,
-    /// The coarsest sampled state whose error, in the model's unit, is at most this.
+    /// The coarsest sampled state whose error is at most this, in the unit of the part's own space.
     #[arg(long, group = "level", value_name = "LENGTH", value_parser = values::positive)]
     error: Option<f64>,
     /// This share of every part's triangles.
@@ -67,10 +67,11 @@ pub fn run(arguments: &ExportArguments) -> Result<(), Failure> {
         })?;
     output::write_whole(&arguments.output, |out| write(&mesh, out))?;
     output::print_text(&format!(
-        "{} vertices, {} triangles in {} meshes: {}",
+        "{} vertices, {} triangles in {} meshes, placed {} times: {}",
         human::count(mesh.vertex_count() as u64),
         human::count(mesh.triangle_count() as u64),
         human::count(mesh.pieces.len() as u64),
+        human::count(mesh.placements.len() as u64),
         arguments.output.display()
     ))
 }

@@ -42,7 +42,7 @@ pub struct FlyArguments {
     #[arg(long, default_value = "1M", value_parser = values::count, value_name = "VERTICES")]
     budget: u32,
     /// How data gets to the GPU: only what it lacks, all of it in one block, or all of it part by part.
-    #[arg(long, value_enum, default_value = "coherent")]
+    #[arg(long, value_enum, default_value = "coherent", conflicts_with = "compare")]
     strategy: Strategy,
     /// Fly with all strategies and print the paper's Table 1.
     #[arg(long)]
@@ -60,7 +60,7 @@ pub struct FlyArguments {
     #[arg(long, value_enum, default_value = "rebuild")]
     defragment: Defragmentation,
     /// Run the passes between upload and draw by their CPU references.
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, conflicts_with = "select")]
     reference: Option<ReferenceOn>,
     /// The paper's alpha: budgets grow with the projected area to the power of 1/alpha.
     #[arg(long, default_value_t = 3.0, value_parser = values::positive)]
@@ -68,14 +68,14 @@ pub struct FlyArguments {
     /// Spend no more on an instance than keeps its error below so many pixels; the budget stays the cap.
     #[arg(long, value_name = "PIXELS", value_parser = values::positive)]
     error: Option<f64>,
-    /// Send at most so many bytes of deltas a frame; what is over it comes in later frames.
+    /// Send about so many bytes of deltas a frame (whole instances, one at least); the rest comes in later frames.
     #[arg(long, value_name = "BYTES", value_parser = values::bytes)]
     upload_per_frame: Option<u64>,
     /// Bytes of the largest GPU buffer; smaller than the adapter's own limit to try several batches.
     #[arg(long, value_name = "BYTES", value_parser = values::bytes)]
     batch_limit: Option<u64>,
-    /// Do not wait for the disk: draw what has arrived. Frames then depend on its speed.
-    #[arg(long)]
+    /// Do not wait for the disk: draw what has arrived. Frames then depend on its speed, and cannot be compared.
+    #[arg(long, conflicts_with = "compare")]
     live: bool,
     /// Do not read back and hash what is drawn (the hashes in the summary are then empty).
     #[arg(long)]
@@ -280,21 +280,29 @@ pub fn compare(
         let plan = FlightPlan { settings, png_every, ..*plan };
         summaries.push(fly(gpu, scene, &plan, subfolder.as_deref())?);
     }
+    check_identity(&summaries)?;
     if let Some(folder) = folder {
         let text = describe_comparison(&summaries);
         output::write_whole(&folder.join("table.txt"), |out| writeln!(out, "{text}"))?;
         output::write_json(&folder.join("summary.json"), &Comparison { strategies: &summaries })?;
     }
-    let first = &summaries[0].flight;
-    match summaries
-        .iter()
-        .find(|s| (&s.flight.index_hash, &s.flight.vertex_hash) != (&first.index_hash, &first.vertex_hash))
-    {
+    Ok(summaries)
+}
+
+fn check_identity(summaries: &[Summary]) -> Result<(), Failure> {
+    let hashes = |summary: &Summary| {
+        format!("indices {}, vertices {}", summary.flight.index_hash, summary.flight.vertex_hash)
+    };
+    let first = &summaries[0];
+    match summaries.iter().find(|summary| hashes(summary) != hashes(first)) {
         Some(other) => Err(Failure::Mismatch(format!(
-            "`{}` and `{}` drew different frames ({} and {}): this is a bug in collapsar, please report it",
-            first.strategy, other.flight.strategy, first.index_hash, other.flight.index_hash
+            "`{}` and `{}` drew different frames ({}; {}): this is a bug in collapsar, please report it",
+            first.flight.strategy,
+            other.flight.strategy,
+            hashes(first),
+            hashes(other)
         ))),
-        None => Ok(summaries),
+        None => Ok(()),
     }
 }
 

@@ -17,7 +17,7 @@ mod verify;
 mod writer;
 
 pub use chunk::{ChunkSpec, ChunkView};
-pub use format::{ChunkRow, InstanceRow, MaterialRow, NodeRow, PartRow, SectionKind};
+pub use format::{ChunkRow, InstanceRow, MAGIC, MaterialRow, NodeRow, PartRow, SectionKind};
 pub use reader::Container;
 pub use verify::{MAX_FINDINGS, VerifyReport, inspect, verify};
 pub use writer::{Contents, StoredInstance, StoredPart, Written, check_destination, write};

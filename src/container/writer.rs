@@ -97,7 +97,7 @@ fn stop_if(cancelled: &AtomicBool) -> Result<(), ContainerError> {
     if cancelled.load(Ordering::Relaxed) { Err(ContainerError::Interrupted) } else { Ok(()) }
 }
 
-/// Says early what would stop [`write`] late: an output that is a folder, or whose folder does not exist.
+/// Says early what would stop [`write()`] late: an output that is a folder, or whose folder does not exist.
 ///
 /// # Errors
 /// [`ContainerError::OutputIsFolder`], [`ContainerError::NoFolder`].

@@ -2,11 +2,11 @@
 
 use std::time::Instant;
 
-use super::{FrameError, PassesOn, Renderer, milliseconds_since};
+use super::{FRAMES_TO_REST, FrameError, PassesOn, Renderer, milliseconds_since};
 use crate::gpu::batch::{Batch, STREAMS, fits};
 use crate::select::states::coarsest_tier_with;
 use crate::stats::FrameRecord;
-use crate::stream::gather::{BatchUpload, StreamedLayout};
+use crate::stream::gather::{BatchUpload, StreamedLayout, bytes_of_states};
 use crate::stream::{Delta, State, Strategy};
 
 /// Streamed and active bytes that a budgeted vertex takes in the largest buffer, about: 12 for itself, 8 for its share
@@ -65,11 +65,22 @@ impl Renderer {
     /// cap keep what they have until the next frame.
     pub(super) fn delta(&mut self, record: &mut FrameRecord) -> Result<Vec<Vec<Delta>>, FrameError> {
         let started = Instant::now();
-        self.hold_back_what_exceeds_the_cap();
         self.deal_again_if_a_batch_overflows()?;
+        self.hold_back_what_exceeds_the_cap();
+        if self.frames_at_rest < FRAMES_TO_REST || self.pending {
+            self.count_whole();
+        }
         let deltas = self.batches.iter().map(|batch| self.deltas_of(batch)).collect();
         record.delta_ms = milliseconds_since(started);
         Ok(deltas)
+    }
+
+    /// What `whole` would send: all records of what is drawn, and a grant for what is or was.
+    fn count_whole(&mut self) {
+        self.bytes_of_states = bytes_of_states(&self.wanted);
+        let touched =
+            self.states.iter().zip(&self.wanted).filter(|(old, new)| !old.is_empty() || !new.is_empty());
+        self.grants_of_whole = touched.count() as u64;
     }
 
     fn deltas_of(&self, batch: &Batch) -> Vec<Delta> {
@@ -96,8 +107,12 @@ impl Renderer {
             .map(|number| (delta(number).lack(Strategy::Coherent).bytes(), number))
             .filter(|&(bytes, _)| bytes > 0)
             .collect();
-        // What is not drawn at all comes first, then what is cheap.
+        // What is not drawn at all comes first, then what is cheap; but in every other frame what is dearest, so that
+        // a part above the cap is not passed over for ever.
         growing.sort_by_key(|&(bytes, number)| (!self.states[number].is_empty(), bytes, number));
+        if self.frame % 2 == 1 {
+            growing.reverse();
+        }
         let mut spent = 0;
         for (i, &(bytes, number)) in growing.iter().enumerate() {
             spent += bytes;

@@ -74,9 +74,18 @@ pub fn order_cell(cell: &Cell, grid: Grid, boundary: Boundary) -> OrderedPart {
         tiers: tiers::cut(&mesh),
         locked: mesh.locked,
         errors: error_samples(&mesh, &cell.mesh),
-        stall: if stalled { order.stall } else { Stall::None },
+        stall: stall_of(stalled, order.stall),
         triangles_at: mesh.triangles_at,
         vertices: mesh.vertices,
+    }
+}
+
+/// A part that keeps more than a tenth of its triangles always has a cause.
+fn stall_of(stalled: bool, cause: Stall) -> Stall {
+    match (stalled, cause) {
+        (false, _) => Stall::None,
+        (true, Stall::None) => Stall::Least,
+        (true, cause) => cause,
     }
 }
 

@@ -140,6 +140,8 @@ pub enum Stall {
     Crease = 3,
     /// A triangle would have turned over.
     Flip = 4,
+    /// Nothing did: what is left is the least that shows anything, and the part has few triangles.
+    Least = 5,
 }
 
 impl Stall {
@@ -151,6 +153,7 @@ impl Stall {
             2 => Self::NonManifold,
             3 => Self::Crease,
             4 => Self::Flip,
+            5 => Self::Least,
             _ => return None,
         })
     }
@@ -163,6 +166,7 @@ impl Stall {
             Self::NonManifold => "non-manifold",
             Self::Crease => "crease",
             Self::Flip => "flip guard",
+            Self::Least => "nothing: a part of few triangles, as coarse as it goes",
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! A vertex is *added* by going from `vn` to `vn + 1`. A position with several attribute sets collapses as one group of
 //! vertices, and only counts between groups are *states* (they may be selected); the byte of every vertex of a group
-//! but its last is [`CONTINUES`]. Prefix sums are sampled every [`STRIDE`] vertices, so that a look-up is short.
+//! but its last is [`CONTINUES`]. Prefix sums are sampled every 64 vertices, so that a look-up is short.
 
 /// The byte of a vertex after which the group goes on: the count after it is not a state.
 pub const CONTINUES: u8 = 255;

@@ -73,7 +73,7 @@ frame_record! {
     bytes_ecol: u64,
     /// Bytes sent for triangles.
     bytes_triangles: u64,
-    /// Bytes sent for tables: budgets, instances, the camera.
+    /// Bytes sent for tables: grants, the arguments of the draws, the camera.
     bytes_tables: u64,
     /// All bytes sent.
     bytes_sent: u64,

@@ -82,7 +82,7 @@ pub struct Summary {
     pub frame_ms_mean: f64,
     /// Mean milliseconds by stage.
     pub stage_ms: BTreeMap<String, f64>,
-    /// Parts whose granted state had not arrived, in all frames.
+    /// Instances of which less had arrived than was wished for, in all frames.
     pub misses_total: u64,
     /// Bytes read from disk in all.
     pub disk_bytes_total: u64,

@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 use crossbeam_channel::{Receiver, Sender, unbounded};
 
@@ -36,6 +37,8 @@ type Arrival = (Request, Result<Chunk, ContainerError>);
 pub struct Residency {
     parts: Vec<ResidentPart>,
     requests: Option<Sender<Request>>,
+    /// The workers' end of the requests, to empty it when nobody waits for them any more.
+    queued: Receiver<Request>,
     arrivals: Receiver<Arrival>,
     workers: Vec<JoinHandle<()>>,
     outstanding: usize,
@@ -63,6 +66,7 @@ impl Residency {
             parts: scene.parts().iter().map(|part| ResidentPart::new(part.tier_count)).collect(),
             asked: scene.parts().iter().map(|part| part.tier_count).collect(),
             requests: Some(requests),
+            queued: todo,
             arrivals,
             workers,
             outstanding: 0,
@@ -108,8 +112,14 @@ impl Residency {
     /// A damaged chunk, or [`ResidencyError::WorkersGone`].
     pub fn settle(&mut self) -> Result<(), ResidencyError> {
         while self.outstanding > 0 {
-            let arrival = self.arrivals.recv().map_err(|_| ResidencyError::WorkersGone)?;
-            self.accept(arrival)?;
+            match self.arrivals.recv_timeout(Duration::from_millis(200)) {
+                Ok(arrival) => self.accept(arrival)?,
+                // A worker ends only when this is dropped, or by a panic, and then its request never arrives.
+                Err(_) if self.workers.iter().any(JoinHandle::is_finished) => {
+                    return Err(ResidencyError::WorkersGone);
+                }
+                Err(_) => {}
+            }
         }
         Ok(())
     }
@@ -136,8 +146,9 @@ impl Residency {
 
 impl Drop for Residency {
     fn drop(&mut self) {
-        // Closing the channel ends the workers once the queue is empty; what is queued is dropped first.
+        // Closing the channel ends the workers once the queue is empty.
         self.requests = None;
+        while self.queued.try_recv().is_ok() {}
         for worker in self.workers.drain(..) {
             // A worker that panicked has printed its message already.
             let _ = worker.join();

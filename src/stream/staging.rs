@@ -26,6 +26,8 @@ struct Slot {
     buffer: wgpu::Buffer,
     /// Whether the buffer is mapped; cleared when it is handed to the GPU.
     mapped: Arc<AtomicBool>,
+    /// Whether mapping it again was refused.
+    failed: Arc<AtomicBool>,
 }
 
 impl Staging {
@@ -43,6 +45,9 @@ impl Staging {
         let slot = self.slot_of(gpu, bytes)?;
         while !slot.mapped.load(Ordering::Acquire) {
             gpu.wait()?;
+            if slot.failed.load(Ordering::Acquire) {
+                return Err(GpuError::Lost("a staging buffer could not be mapped".to_owned()));
+            }
         }
         {
             let mut view = slot
@@ -73,10 +78,10 @@ impl Staging {
     /// Asks for the slot that was filled last to be mapped again once the GPU is done with it, and moves on.
     pub fn recycle(&mut self) {
         if let Some(slot) = &self.slots[self.next] {
-            let mapped = Arc::clone(&slot.mapped);
-            // A failure shows as an error of the device at its next check; the slot then stays unmapped.
+            let (mapped, failed) = (Arc::clone(&slot.mapped), Arc::clone(&slot.failed));
             slot.buffer.map_async(wgpu::MapMode::Write, .., move |result| {
                 mapped.store(result.is_ok(), Ordering::Release);
+                failed.store(result.is_err(), Ordering::Release);
             });
         }
         self.next = (self.next + 1) % SLOTS;
@@ -100,5 +105,5 @@ fn new_slot(gpu: &Gpu, size: u64) -> Result<Slot, GpuError> {
         mapped_at_creation: true,
     });
     gpu.check()?;
-    Ok(Slot { buffer, mapped: Arc::new(AtomicBool::new(true)) })
+    Ok(Slot { buffer, mapped: Arc::new(AtomicBool::new(true)), failed: Arc::default() })
 }

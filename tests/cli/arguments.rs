@@ -159,3 +159,13 @@ fn a_camera_path_that_contradicts_itself_is_named_with_the_key() {
         place.fails(&["fly", "square.clps", "--path", "path.json", "--out", "flight"], &words);
     }
 }
+
+#[test]
+fn arguments_that_would_be_overruled_are_refused() {
+    let place = baked();
+    for [one, other] in
+        [["--strategy=whole", "--compare"], ["--live", "--compare"], ["--reference=cpu", "--select=gpu"]]
+    {
+        place.refuses(&["fly", "square.clps", one, other], &["cannot be used with"]);
+    }
+}

@@ -69,6 +69,18 @@ fn a_bake_over_its_own_input_is_refused() {
 }
 
 #[test]
+fn a_bake_over_a_file_that_is_no_container_is_refused() {
+    let place = Workplace::new();
+    place.write("model.obj", TRIANGLE);
+    place.write("model.bin", "somebody's buffer");
+    place.fails(
+        &["bake", "model.obj", "-o", "model.bin"],
+        &["not a container; choose another output", "model.bin"],
+    );
+    assert_eq!(std::fs::read(place.path("model.bin")).unwrap(), b"somebody's buffer");
+}
+
+#[test]
 fn a_failed_bake_keeps_the_older_container() {
     let place = baked();
     place.write("square.obj", "v 0 0 0\n");

@@ -197,6 +197,11 @@ fn a_pipe_is_no_model_and_is_not_waited_for() {
     }
     place.run(&["bake", "pipe.obj", "-o", "out.clps"]).failed(&["not a file: pipe.obj"]);
     place.run(&["info", "pipe.obj"]).failed(&["not a file: pipe.obj"]);
+    place.write("model.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    place.bake("model.obj", "model.clps");
+    place.run(&["fly", "model.clps", "--path", "pipe.obj"]).failed(&["not a file", "pipe.obj"]);
+    std::fs::remove_file(place.path("model.obj")).unwrap();
+    std::fs::remove_file(place.path("model.clps")).unwrap();
     assert_eq!(names(&place.path("")), ["pipe.obj"]);
 }
 

@@ -92,7 +92,18 @@ fn text_reports_have_the_numbers() {
     let text = place.run(&["info", "model.clps"]).succeeded().out;
     assert!(text.contains("1,488") && text.contains("tier 0"), "{text}");
     let text = place.run(&["export", "model.clps", "--ratio", "0.5", "-o", "half.obj"]).succeeded().out;
-    assert!(text.contains("2 meshes: half.obj"), "{text}");
+    assert!(text.contains("2 meshes, placed 2 times: half.obj"), "{text}");
+}
+
+/// A part that cannot become coarser is named, whatever the reason.
+#[test]
+fn parts_that_keep_more_than_a_tenth_are_counted() {
+    let place = Workplace::new();
+    place.write("one.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+    let text = place.run(&["bake", "one.obj", "-o", "one.clps"]).succeeded().out;
+    assert!(text.contains("1 parts keep more than a tenth (1 of them with few triangles)"), "{text}");
+    let text = place.run(&["info", "one.clps"]).succeeded().out;
+    assert!(text.contains("1 parts stalled above a tenth"), "{text}");
 }
 
 /// The keys of the issue, and what each holds.

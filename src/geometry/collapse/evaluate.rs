@@ -14,12 +14,12 @@ use crate::geometry::record::Stall;
 const MEMORYLESS: f32 = 0.9;
 /// The weight of boundary planes against the surface's own, per squared edge length.
 const BOUNDARY_WEIGHT: f32 = 10.0;
+/// The same for creases, which the planes of both sides hold already where they are sharp.
+const CREASE_WEIGHT: f32 = 0.5;
 /// Two triangles fold when the sum of their outward directions is longer than this: a dihedral angle below 80 degrees.
 const FOLD: f32 = 1.53;
 /// Any other number of triangles bounds a surface when theirs is longer than this.
 const OPEN: f32 = 0.7;
-/// The same for creases, which the planes of both sides hold already where they are sharp.
-const CREASE_WEIGHT: f32 = 0.5;
 /// The least cosine between a triangle's normal before and after a strict collapse.
 pub(crate) const FLIP_LIMIT: f32 = 0.2;
 /// The least cosine at which a wedge may take on the attributes of one that it shares no triangle with.

@@ -190,10 +190,22 @@ impl<'a> Simplifier<'a> {
         }
     }
 
+    /// Collapses until nothing may. What a step frees farther away than its neighbours is found by looking at all that
+    /// is left once more; every round but the last takes a step, so this ends.
     fn run(&mut self) {
-        for position in 0..self.mesh.position_count() as u32 {
-            self.enqueue(position);
+        loop {
+            for position in 0..self.mesh.position_count() as u32 {
+                self.enqueue(position);
+            }
+            let before = self.order.groups.len();
+            self.drain();
+            if self.order.groups.len() == before {
+                return;
+            }
         }
+    }
+
+    fn drain(&mut self) {
         while let Some(position) = self.queue.pop() {
             let Ok(best) = self.evaluate(position) else { continue };
             if self.queue.has_cheaper_than(best.cost) {

@@ -1,7 +1,7 @@
 //! A priority queue of positions by cost: buckets of about 3 % width, first in first out within a bucket.
 //!
-//! Every operation is O(1) but finding the next bucket, which a two-level bit set makes a few words. A position is in
-//! at most one bucket; a new cost moves it. First in first out spreads equal costs over the surface.
+//! Every operation is O(1) but finding the next bucket, which looks at one bit a bucket: 128 words at most. A position
+//! is in at most one bucket; a new cost moves it. First in first out spreads equal costs over the surface.
 
 const MANTISSA_BITS: u32 = 5;
 const SHIFT: u32 = 23 - MANTISSA_BITS;

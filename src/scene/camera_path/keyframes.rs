@@ -97,8 +97,13 @@ fn read_bounded(path: &Path) -> Result<Vec<u8>, CameraPathError> {
         std::io::ErrorKind::NotFound => CameraPathError::Unknown(path.display().to_string()),
         _ => CameraPathError::Unreadable(path.into(), error),
     };
-    if std::fs::metadata(path).map_err(unreadable)?.is_dir() {
+    let metadata = std::fs::metadata(path).map_err(unreadable)?;
+    if metadata.is_dir() {
         return Err(unreadable(std::io::ErrorKind::IsADirectory.into()));
+    }
+    // Opening a pipe would wait for its other end.
+    if !metadata.is_file() {
+        return Err(unreadable(std::io::Error::other("it is not a file")));
     }
     let mut text = Vec::new();
     File::open(path)

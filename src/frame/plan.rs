@@ -51,10 +51,17 @@ impl Renderer {
         Ok(())
     }
 
-    /// Asks for every tier that a wish needs.
+    /// Asks for every tier that a wish needs: the coarsest of everything first, so that all of the picture is there
+    /// early, then the finer ones, those of the largest wishes first.
     pub(super) fn request_wished(&mut self) -> Result<(), FrameError> {
-        for (number, &wish) in self.wishes.get().iter().enumerate().filter(|&(_, &wish)| wish > 0) {
-            let part = self.scene.instances()[number].part;
+        let instances = self.scene.instances();
+        let wished = self.wishes.get().iter().zip(instances).filter(|&(&wish, _)| wish > 0);
+        let mut wished: Vec<(u32, u32)> = wished.map(|(&wish, instance)| (wish, instance.part)).collect();
+        for &(_, part) in &wished {
+            self.residency.request(part, self.scene.tiers(part).len().saturating_sub(1) as u32)?;
+        }
+        wished.sort_unstable_by_key(|&(wish, part)| (std::cmp::Reverse(wish), part));
+        for (wish, part) in wished {
             let sizes = self.scene.tiers(part).iter().map(|tier| tier.row.vertices);
             self.residency.request(part, coarsest_tier_with(sizes, wish))?;
         }

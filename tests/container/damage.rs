@@ -43,7 +43,7 @@ fn every_contradiction_in_the_tables_is_named() {
         (0, 2, 92, 2, "part 2: its 2 tiers are not among"),
         (0, 2, 92, u32::MAX, "tiers are not among"),
         (0, 2, 92, 0, "tiers are not among"),
-        (0, 2, 112, 5, "part 2: its cause of stall is 5"),
+        (0, 2, 112, 6, "part 2: its cause of stall is 6"),
         (0, 2, 124, 1, "part 2: its reserved bytes"),
         (1, 0, 0, 16, "its chunk is"),
         (1, 0, 8, 16, "its counts call for"),

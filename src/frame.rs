@@ -146,11 +146,13 @@ pub struct Renderer {
     frames_at_rest: u32,
     /// Whether the last frame left something for the next.
     pending: bool,
+    /// Whether the last frame changed what is drawn.
+    changed: bool,
+    /// Whether this frame has nothing to do but to draw.
+    settled: bool,
     frame: u64,
-    /// What `whole` sends a frame of records ...
-    bytes_of_states: u64,
-    /// ... and of grants.
-    grants_of_whole: u64,
+    /// What `whole` sends a frame, the camera apart.
+    bytes_of_whole: u64,
     visible: u64,
 }
 
@@ -185,9 +187,10 @@ impl Renderer {
             view: None,
             frames_at_rest: 0,
             pending: false,
+            changed: false,
+            settled: false,
             frame: 0,
-            bytes_of_states: 0,
-            grants_of_whole: 0,
+            bytes_of_whole: 0,
             visible: 0,
             draw,
             gpu,
@@ -227,6 +230,7 @@ impl Renderer {
         let moved = self.view.as_ref() != Some(camera);
         self.frames_at_rest = if moved { 0 } else { self.frames_at_rest.saturating_add(1) };
         self.view = Some(*camera);
+        self.settled = self.frames_at_rest >= FRAMES_TO_REST && !self.pending && !self.changed;
         if self.frames_at_rest < FRAMES_TO_REST {
             let view = self.select_view(camera);
             if self.wishes.update(&self.gpu, &view)? {
@@ -268,7 +272,7 @@ impl Renderer {
     fn residency(&mut self, record: &mut FrameRecord) -> Result<(), FrameError> {
         let started = Instant::now();
         self.residency.receive()?;
-        if self.frames_at_rest < FRAMES_TO_REST || self.pending {
+        if !self.settled {
             self.request_wished()?;
             if self.settings.settle {
                 self.residency.settle()?;
@@ -302,9 +306,8 @@ impl Renderer {
         }
         for (batch, upload) in self.batches.iter_mut().zip(&uploads).filter(|(_, upload)| !upload.is_empty())
         {
-            let totals = plan::totals_after(batch, &self.wanted);
             let grants = upload.grants.len() as u64;
-            batch.ensure(&self.gpu, totals, upload.layout.words(), grants)?;
+            batch.ensure(&self.gpu, upload.totals, upload.layout.words(), grants)?;
         }
         match (self.settings.passes, self.settings.strategy) {
             (PassesOn::Reference, _) => {}
@@ -385,12 +388,8 @@ impl Renderer {
         record.bytes_triangles = record.streamed_triangles * crate::stream::delta::TRIANGLE_BYTES;
         record.bytes_sent =
             record.bytes_vertices + record.bytes_ecol + record.bytes_triangles + record.bytes_tables;
-        // `whole` and `per-part` send the records and the grant of every instance that is or was drawn, in every frame,
-        // and what any strategy sends: the arguments of the draws and a camera that moved.
-        let grants = self.grants_of_whole * size_of::<crate::gpu::layout::Grant>() as u64;
-        let draws = DRAW_BYTES * self.batches.len() as u64;
         let camera = if self.frames_at_rest == 0 { size_of::<FrameUniform>() as u64 } else { 0 };
-        let all = self.bytes_of_states + grants + draws + camera;
+        let all = self.bytes_of_whole + camera;
         record.bytes_whole = all;
         record.bytes_per_part = all;
         record.gpu_bytes = self.gpu_bytes();

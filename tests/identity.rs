@@ -197,9 +197,12 @@ fn a_walk_sends_less_than_a_hundredth_of_whole() {
 fn whole_sends_what_coherent_says_it_would() {
     let Some(gpu) = gpu("whole_sends_what_coherent_says_it_would") else { return };
     let capped = Settings { upload_limit_bytes: Some(20_000), ..SMALL };
-    for (path, settings) in [("orbit", SMALL), ("through", SMALL), ("teleport", SMALL), ("walk", capped)] {
-        let coherent = fly(&gpu, &engine(), path, 16, settings);
-        let whole = fly(&gpu, &engine(), path, 16, Settings { strategy: Strategy::Whole, ..settings });
+    let trickle = Settings { upload_limit_bytes: Some(14_000), ..SMALL };
+    for (path, settings) in
+        [("orbit", SMALL), ("through", SMALL), ("teleport", SMALL), ("walk", capped), ("still", trickle)]
+    {
+        let coherent = fly(&gpu, &engine(), path, 24, settings);
+        let whole = fly(&gpu, &engine(), path, 24, Settings { strategy: Strategy::Whole, ..settings });
         for (predicted, sent) in coherent.iter().zip(&whole) {
             assert_eq!(predicted.0.bytes_whole, sent.0.bytes_sent, "frame {} of `{path}`", sent.0.frame);
         }

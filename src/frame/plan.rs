@@ -2,11 +2,12 @@
 
 use std::time::Instant;
 
-use super::{FRAMES_TO_REST, FrameError, PassesOn, Renderer, milliseconds_since};
+use super::{DRAW_BYTES, FrameError, PassesOn, Renderer, milliseconds_since};
 use crate::gpu::batch::{Batch, STREAMS, fits};
+use crate::gpu::layout::Grant;
 use crate::select::states::coarsest_tier_with;
 use crate::stats::FrameRecord;
-use crate::stream::gather::{BatchUpload, StreamedLayout, bytes_of_states};
+use crate::stream::gather::{BatchUpload, StreamedLayout};
 use crate::stream::{Delta, State, Strategy};
 
 /// Streamed and active bytes that a budgeted vertex takes in the largest buffer, about: 12 for itself, 8 for its share
@@ -71,23 +72,26 @@ impl Renderer {
     /// Stage 3: the deltas of every batch, in the order of its instances. Instances whose delta no longer fits the
     /// cap keep what they have until the next frame.
     pub(super) fn delta(&mut self, record: &mut FrameRecord) -> Result<Vec<Vec<Delta>>, FrameError> {
+        if self.settled {
+            return Ok(vec![Vec::new(); self.batches.len()]);
+        }
         let started = Instant::now();
         self.deal_again_if_a_batch_overflows()?;
         self.hold_back_what_exceeds_the_cap();
-        if self.frames_at_rest < FRAMES_TO_REST || self.pending {
-            self.count_whole();
-        }
-        let deltas = self.batches.iter().map(|batch| self.deltas_of(batch)).collect();
+        self.bytes_of_whole = self.batches.iter().map(|batch| self.bytes_of_all(batch)).sum();
+        let deltas: Vec<Vec<Delta>> = self.batches.iter().map(|batch| self.deltas_of(batch)).collect();
+        self.changed = deltas.iter().any(|deltas| !deltas.is_empty());
         record.delta_ms = milliseconds_since(started);
         Ok(deltas)
     }
 
-    /// What `whole` would send: all records of what is drawn, and a grant for what is or was.
-    fn count_whole(&mut self) {
-        self.bytes_of_states = bytes_of_states(&self.wanted);
-        let touched =
-            self.states.iter().zip(&self.wanted).filter(|(old, new)| !old.is_empty() || !new.is_empty());
-        self.grants_of_whole = touched.count() as u64;
+    /// What `whole` sends of a batch: all records of what is drawn, a grant for what is or was, and the arguments of
+    /// the draw if there is any.
+    fn bytes_of_all(&self, batch: &Batch) -> u64 {
+        let all = self.everything_of(batch);
+        let records: u64 = all.iter().map(|delta| delta.lack(Strategy::Whole).bytes()).sum();
+        let draw = if all.is_empty() { 0 } else { DRAW_BYTES };
+        records + draw + (all.len() * size_of::<Grant>()) as u64
     }
 
     fn deltas_of(&self, batch: &Batch) -> Vec<Delta> {
@@ -146,14 +150,9 @@ impl Renderer {
     }
 
     fn batch_fits(&self, batch: &Batch, limit: u64) -> bool {
-        let mut whole = StreamedLayout::default();
-        for &instance in &batch.instances {
-            let state = self.wanted[instance as usize];
-            whole.vertices += u64::from(state.vertices);
-            whole.ecol += u64::from(state.ecol);
-            whole.triangles += u64::from(state.triangles);
-        }
-        fits(limit, [whole.vertices, whole.ecol, whole.triangles], whole.words())
+        let totals = totals_of(batch, &self.wanted);
+        let [vertices, ecol, triangles] = totals;
+        fits(limit, totals, StreamedLayout { vertices, ecol, triangles }.words())
     }
 
     /// What every batch is sent under the strategy: its deltas, or all of it in every frame, as in the paper.
@@ -185,6 +184,9 @@ impl Renderer {
 
     fn upload_of(&self, batch: &Batch, deltas: &[Delta]) -> BatchUpload {
         let mut upload = BatchUpload::default();
+        if !deltas.is_empty() {
+            upload.totals = totals_of(batch, &self.wanted);
+        }
         let stride = self.batches.len() as u32;
         for delta in deltas {
             let part = self.scene.instances()[delta.instance as usize].part;
@@ -198,7 +200,7 @@ impl Renderer {
 }
 
 /// Active elements of each stream that a batch will have.
-pub(super) fn totals_after(batch: &Batch, wanted: &[State]) -> [u64; STREAMS] {
+fn totals_of(batch: &Batch, wanted: &[State]) -> [u64; STREAMS] {
     let mut totals = [0; STREAMS];
     for &instance in &batch.instances {
         let state = wanted[instance as usize];

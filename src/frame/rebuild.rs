@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::{DRAW_BYTES, FrameError, Renderer, milliseconds_since, plan};
+use super::{DRAW_BYTES, FrameError, Renderer, milliseconds_since};
 use crate::gpu::batch::{Batch, STREAMS};
 use crate::gpu::layout::{GrantParams, ReformParams};
 use crate::gpu::timer::Timer;
@@ -232,14 +232,12 @@ impl Renderer {
         record: &mut FrameRecord,
     ) -> Result<(), FrameError> {
         let changed: Vec<usize> = (0..uploads.len()).filter(|&batch| !uploads[batch].is_empty()).collect();
-        let totals = |this: &Self, batch: usize| {
-            // `ensure` has checked the totals against buffer sizes, which are far below 2^32 elements.
-            plan::totals_after(&this.batches[batch], &this.wanted).map(|total| total as u32)
-        };
+        // `ensure` has checked the totals against buffer sizes, which are far below 2^32 elements.
+        let totals = |batch: usize| uploads[batch].totals.map(|total| total as u32);
         let started = Instant::now();
         let mut encoder = self.gpu.encoder("defragment");
         for &number in &changed {
-            let totals = totals(self, number);
+            let totals = totals(number);
             let (batch, upload) = (&self.batches[number], &uploads[number]);
             self.rebuild.record_active(&self.gpu, &mut encoder, &mut self.timer, batch, upload, totals)?;
         }
@@ -249,7 +247,7 @@ impl Renderer {
         let started = Instant::now();
         let mut encoder = self.gpu.encoder("reform");
         for &number in &changed {
-            let totals = totals(self, number);
+            let totals = totals(number);
             let batch = &mut self.batches[number];
             self.rebuild.record_reform(&self.gpu, &mut encoder, &mut self.timer, batch, totals);
             self.gpu.queue.write_buffer(&batch.indirect, 0, bytemuck::cast_slice(&draw_arguments(totals)));

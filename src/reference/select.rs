@@ -9,6 +9,7 @@
 use super::power::{exp2, log2};
 use crate::geometry::record::ERROR_SAMPLES;
 use crate::gpu::layout::{SelectParams, SelectRow, Weighed};
+use crate::scene::camera::split_f64;
 
 /// The bits of the greatest factor: 2^80, which takes the least weight (2^-40) above every ceiling, and the greatest
 /// (2^40) not beyond f32.
@@ -44,8 +45,8 @@ pub struct SelectView {
 
 /// A world coordinate as the nearest f32 and what it lacks, so that differences near the eye keep their precision.
 pub fn split(value: [f64; 3]) -> ([f32; 3], [f32; 3]) {
-    let high = value.map(|c| c as f32);
-    (high, std::array::from_fn(|axis| (value[axis] - f64::from(high[axis])) as f32))
+    let (high, low) = split_f64(value.into());
+    (high.to_array(), low.to_array())
 }
 
 impl SelectView {

@@ -11,6 +11,7 @@ use wgpu::WriteOnly;
 use super::delta::{Delta, Lack};
 use super::{Residency, State, Strategy};
 use crate::geometry::TriangleRecord;
+use crate::gpu::batch::STREAMS;
 use crate::gpu::layout::{DefragmentParams, FRESH, Grant};
 use crate::scene::part::ResidentPart;
 
@@ -23,6 +24,8 @@ pub struct BatchUpload {
     pub lacks: Vec<(u32, u32, Lack)>,
     /// How much of each stream is sent.
     pub layout: StreamedLayout,
+    /// How many active elements of each stream the batch then has.
+    pub totals: [u64; STREAMS],
 }
 
 /// How many elements of each stream a streamed buffer holds.
@@ -162,14 +165,6 @@ impl BatchUpload {
         });
         runs
     }
-}
-
-/// How many bytes each strategy sends for a set of states, beside the grants.
-pub fn bytes_of_states(states: &[State]) -> u64 {
-    states
-        .iter()
-        .map(|&new| Delta { instance: 0, old: State::default(), new }.lack(Strategy::Whole).bytes())
-        .sum()
 }
 
 /// What a thread copies at a time.

@@ -7,6 +7,8 @@
 // Peng & Cao 2012, section 5.1, equation 1, with floors and ceilings: an instance of weight w = area^(1/alpha) gets
 // respond(lambda * w), and lambda is the greatest f32 that all can be paid with. Positive floats are ordered as their
 // bits are, so lambda is found digit by digit: eight rounds over the 16 values of a hexadecimal digit of its bits.
+// Of the cells of one part, parents are drawn below the factor that would give them all they have, and their children
+// from there on.
 //
 //   select_weigh    a lane an instance: cull, weigh
 //   select_spend    a lane an instance: what each of 16 candidates costs, summed by workgroup       (8 times, with
@@ -25,6 +27,9 @@ struct SelectRow {
     half_extent: vec3<f32>,
     error_scale: f32,
     errors: vec4<u32>,
+    parent: u32,
+    log2_cells: f32,
+    padding: vec2<u32>,
 }
 
 struct SelectParams {
@@ -48,6 +53,8 @@ struct Weighed {
     floor: u32,
     ceiling: u32,
     old: u32,
+    open: f32,
+    close: f32,
 }
 
 struct SelectState {
@@ -67,7 +74,11 @@ const MAX_LAMBDA: u32 = 0x67800000u;
 const MAX_LOG2_WEIGHT: f32 = 40.0;
 // Above any ceiling, and exact in f32.
 const MAX_RESPONSE: f32 = 16777216.0;
-const UNAFFORDABLE: u32 = 0xFFFFFFFFu;
+const NO_PARENT_ROW: u32 = 0xFFFFFFFFu;
+// Above any factor.
+const NEVER: f32 = 3e38;
+// More cells than this do not lie above each other.
+const MAX_CELL_DEPTH: u32 = 16u;
 
 @group(0) @binding(0) var<uniform> params: SelectParams;
 @group(0) @binding(1) var<storage, read> rows: array<SelectRow>;
@@ -110,14 +121,67 @@ fn sampled_count(ceiling: u32, j: u32) -> u32 {
     return (count + (1u << halvings) - 1u) >> halvings;
 }
 
+// How near an instance is, and how large in the picture.
+struct Seen {
+    centre: vec3<f32>,
+    log2_distance2: f32,
+    log2_area: f32,
+}
+
+fn see(row: SelectRow) -> Seen {
+    let centre = centre_from_eye(row);
+    let radius2 = exact_dot(row.half_extent, row.half_extent);
+    let distance2 = max(add(exact_dot(centre, centre), -radius2), mul(radius2, 0.01));
+    let log2_distance2 = log2_exact(distance2);
+    let log2_area = add(add(params.log2_area_scale, log2_exact(radius2)), -log2_distance2);
+    return Seen(centre, log2_distance2, log2_area);
+}
+
+// A parent weighs as much as its cells would if each had its share of the area.
+fn log2_weight(row: SelectRow, seen: Seen) -> f32 {
+    let of_area = mul(min(seen.log2_area, params.log2_area_max), params.inverse_alpha);
+    let of_cells = mul(add(1.0, -params.inverse_alpha), row.log2_cells);
+    return clamp(add(of_area, of_cells), -MAX_LOG2_WEIGHT, MAX_LOG2_WEIGHT);
+}
+
+// log2 of the error that is allowed at a distance, in units of the row's error scale.
+fn log2_allowed_error(row: SelectRow, log2_distance: f32) -> f32 {
+    return add(add(params.log2_error_limit, log2_distance), -log2_exact(row.error_scale));
+}
+
+fn error_is_allowed(code: u32, log2_allowed: f32) -> bool {
+    return code == 0u || mul(f32(i32(code) - 255), 0.125) <= log2_allowed;
+}
+
+// The factor from which on the children of a parent are drawn; the dead band delays the way back.
+fn gate(row: SelectRow, seen: Seen, old: u32) -> f32 {
+    let log2_allowed = log2_allowed_error(row, mul(seen.log2_distance2, 0.5));
+    if params.error_limited != 0u && error_is_allowed(row.errors[0] & 0xFFu, log2_allowed) {
+        return NEVER;
+    }
+    let factor = exp2_exact(add(log2_exact(f32(row.ceiling)), -log2_weight(row, seen)));
+    return select(factor, mul(factor, add(1.0, -params.dead_band)), old == 0u);
+}
+
+// The factor from which on no ancestor is in a row's place.
+fn opening(row: SelectRow) -> f32 {
+    var open = 0.0;
+    var index = row.parent;
+    for (var depth = 0u; depth < MAX_CELL_DEPTH && index < params.instance_count; depth += 1u) {
+        let parent = rows[index];
+        open = max(open, gate(parent, see(parent), old_wish[index]));
+        index = parent.parent;
+    }
+    return open;
+}
+
 // The least sampled vertex count whose error is allowed at this distance.
 fn error_ceiling(row: SelectRow, log2_distance: f32) -> u32 {
-    let log2_allowed = add(add(params.log2_error_limit, log2_distance), -log2_exact(row.error_scale));
+    let log2_allowed = log2_allowed_error(row, log2_distance);
     var count = row.ceiling;
     for (var j = 0u; j < 16u; j += 1u) {
         let code = (row.errors[j / 4u] >> (8u * (j & 3u))) & 0xFFu;
-        let log2_error = mul(f32(i32(code) - 255), 0.125);
-        if code == 0u || log2_error <= log2_allowed {
+        if error_is_allowed(code, log2_allowed) {
             count = sampled_count(row.ceiling, j);
         }
     }
@@ -125,28 +189,33 @@ fn error_ceiling(row: SelectRow, log2_distance: f32) -> u32 {
 }
 
 fn weigh(row: SelectRow, old: u32) -> Weighed {
-    let centre = centre_from_eye(row);
-    if outside_frustum(centre, row.half_extent) {
+    let seen = see(row);
+    if outside_frustum(seen.centre, row.half_extent) || seen.log2_area < params.log2_area_min {
         return Weighed();
     }
-    let radius2 = exact_dot(row.half_extent, row.half_extent);
-    let distance2 = max(add(exact_dot(centre, centre), -radius2), mul(radius2, 0.01));
-    let log2_distance2 = log2_exact(distance2);
-    let log2_area = add(add(params.log2_area_scale, log2_exact(radius2)), -log2_distance2);
-    if log2_area < params.log2_area_min {
-        return Weighed();
-    }
-    let log2_weight = mul(min(log2_area, params.log2_area_max), params.inverse_alpha);
     var ceiling = row.ceiling;
     if params.error_limited != 0u {
-        ceiling = max(error_ceiling(row, mul(log2_distance2, 0.5)), min(row.floor, row.ceiling));
+        ceiling = max(error_ceiling(row, mul(seen.log2_distance2, 0.5)), min(row.floor, row.ceiling));
     }
-    let weight = exp2_exact(clamp(log2_weight, -MAX_LOG2_WEIGHT, MAX_LOG2_WEIGHT));
-    return Weighed(weight, min(row.floor, ceiling), ceiling, min(old, u32(MAX_RESPONSE)));
+    let open = opening(row);
+    var close = NEVER;
+    if row.log2_cells > 0.0 {
+        close = max(open, gate(row, seen, old));
+    }
+    let weight = exp2_exact(log2_weight(row, seen));
+    return Weighed(weight, min(row.floor, ceiling), ceiling, min(old, u32(MAX_RESPONSE)), open, close);
 }
 
-// The budget of an instance at a factor: never falls as the factor grows.
+fn is_drawn(item: Weighed, lambda_bits: u32) -> bool {
+    let lambda = bitcast<f32>(lambda_bits);
+    return item.open <= lambda && lambda < item.close;
+}
+
+// The budget of an instance at a factor: while it is drawn, never falls as the factor grows.
 fn respond(item: Weighed, lambda_bits: u32) -> u32 {
+    if !is_drawn(item, lambda_bits) {
+        return 0u;
+    }
     let x = mul(bitcast<f32>(lambda_bits), item.weight);
     let old = f32(item.old);
     var count = u32(min(x, MAX_RESPONSE));
@@ -210,6 +279,15 @@ fn select_spend(
     }
 }
 
+// What a candidate costs in all, of the 16 sums that the lanes have made.
+fn cost_of(candidate: u32) -> u32 {
+    var cost = 0u;
+    for (var i = 0u; i < 16u; i += 1u) {
+        cost = saturating_add(cost, costs[i * WAYS + candidate]);
+    }
+    return cost;
+}
+
 @compute @workgroup_size(256)
 fn select_narrow(@builtin(local_invocation_index) lane: u32) {
     let group_count = (params.instance_count + GROUP - 1u) / GROUP;
@@ -223,29 +301,21 @@ fn select_narrow(@builtin(local_invocation_index) lane: u32) {
     if lane != 0u {
         return;
     }
-    // Candidate 0 is known to be affordable, or nothing is.
+    // Candidate 0 is known to be affordable, or nothing is. Bit by bit, as costs may fall where a parent closes.
     var best = 0u;
-    var best_cost = 0u;
-    for (var k = 0u; k < WAYS; k += 1u) {
-        var cost = 0u;
-        for (var i = 0u; i < 16u; i += 1u) {
-            cost = saturating_add(cost, costs[i * WAYS + k]);
-        }
-        if state.low + k * state.step > MAX_LAMBDA {
-            cost = UNAFFORDABLE;
-        }
-        if k == 0u || cost <= params.budget {
-            best = k;
-            best_cost = cost;
+    for (var bit = WAYS / 2u; bit > 0u; bit >>= 1u) {
+        let candidate = best + bit;
+        if state.low + candidate * state.step <= MAX_LAMBDA && cost_of(candidate) <= params.budget {
+            best = candidate;
         }
     }
+    state.left = saturating_sub(params.budget, cost_of(best));
     state.low += best * state.step;
     state.step >>= 4u;
-    state.left = saturating_sub(params.budget, best_cost);
 }
 
 fn jump(item: Weighed) -> u32 {
-    if state.low >= MAX_LAMBDA {
+    if state.low >= MAX_LAMBDA || is_drawn(item, state.low) != is_drawn(item, state.low + 1u) {
         return 0u;
     }
     return respond(item, state.low + 1u) - respond(item, state.low);

@@ -9,9 +9,10 @@ use serde_json::json;
 
 use crate::container::{Container, ContainerError, PartRow};
 use crate::geometry::OrderedPart;
+use crate::geometry::cell_tree::{drawn_cells, sums_below};
 use crate::geometry::part::sampled_count;
 use crate::geometry::quantize::decode_coloured;
-use crate::geometry::record::decode_error;
+use crate::geometry::record::{CellPlace, decode_error};
 
 /// Why nothing could be exported.
 #[derive(Debug, thiserror::Error)]
@@ -70,12 +71,13 @@ pub fn level_of_detail(bytes: &[u8], level: Level, name: Option<&str>) -> Result
     let container = Container::open(bytes)?;
     let mut mesh = Mesh::default();
     let mut piece_of = vec![None; container.parts().len()];
+    let drawn = Drawn::of(container.parts(), level);
     for (number, row) in container.parts().iter().enumerate() {
-        if name.is_some_and(|name| name != container.part_name(number)) {
+        if !drawn.cells[number] || name.is_some_and(|name| name != container.part_name(number)) {
             continue;
         }
         let part = container.read_part(number)?;
-        let vn = vertex_count(&part, row, level);
+        let vn = vertex_count(&part, row, drawn.level_of(number, row));
         piece_of[number] = Some(mesh.pieces.len());
         mesh.pieces.push(piece(&part, container.part_name(number), vn));
     }
@@ -99,6 +101,56 @@ fn placements(container: &Container<'_>, piece_of: &[Option<usize>]) -> Vec<(usi
     placed.collect()
 }
 
+/// Which cells of parts with parent cells stand for them at a level.
+struct Drawn {
+    level: Level,
+    cells: Vec<bool>,
+    /// For every part, vertices of its leaf cells and of the leaf cells of its whole part; triangles of its leaf cells.
+    vertices: Vec<u64>,
+    vertices_of_source: Vec<u64>,
+    triangles: Vec<u64>,
+}
+
+impl Drawn {
+    fn of(rows: &[PartRow], level: Level) -> Self {
+        let places: Vec<CellPlace> = rows.iter().map(PartRow::place).collect();
+        let vertices = sums_below(&places, |i| rows[i].vertices.into());
+        let triangles = sums_below(&places, |i| rows[i].triangles.into());
+        let mut vertices_of_source: Vec<u64> = vertices.clone();
+        for (i, place) in places.iter().enumerate().filter(|(_, place)| place.parent_distance > 0) {
+            vertices_of_source[i] = vertices_of_source[i - place.parent_distance as usize];
+        }
+        let mut drawn = Self { level, cells: Vec::new(), vertices, vertices_of_source, triangles };
+        let is_enough = |i: usize| match drawn.level_of(i, &rows[i]) {
+            Level::Vertices(vertices) => vertices <= rows[i].vertices,
+            Level::Error(error) => decode_error(rows[i].errors[0], diagonal(&rows[i])) <= error,
+            Level::Ratio(ratio) => ratio <= 1.0,
+        };
+        drawn.cells = drawn_cells(&places, is_enough);
+        drawn
+    }
+
+    /// The level of the whole part in terms of one of its cells: its share of the vertices, or for a parent cell the
+    /// share of its own triangles that is the wanted share of all those that it stands for.
+    fn level_of(&self, part: usize, row: &PartRow) -> Level {
+        match self.level {
+            Level::Vertices(vertices) => {
+                let share = self.vertices[part] as f64 / self.vertices_of_source[part].max(1) as f64;
+                Level::Vertices((f64::from(vertices) * share).round() as u32)
+            }
+            Level::Error(error) => Level::Error(error),
+            Level::Ratio(ratio) => {
+                Level::Ratio(ratio * self.triangles[part] as f64 / f64::from(row.triangles.max(1)))
+            }
+        }
+    }
+}
+
+fn diagonal(row: &PartRow) -> f64 {
+    let [low, high] = row.bounds().map(DVec3::from);
+    (high - low).length()
+}
+
 /// The state of a part that a level asks for.
 fn vertex_count(part: &OrderedPart, row: &PartRow, level: Level) -> u32 {
     let m = part.vertices.len() as u32;
@@ -106,8 +158,7 @@ fn vertex_count(part: &OrderedPart, row: &PartRow, level: Level) -> u32 {
     let wanted = match level {
         Level::Vertices(vertices) => at.state_at_most(vertices as usize) as u32,
         Level::Error(error) => {
-            let [low, high] = row.bounds().map(DVec3::from);
-            let diagonal = (high - low).length();
+            let diagonal = diagonal(row);
             let sampled = part.errors.iter().enumerate().rev();
             let allowed = sampled.filter(|&(_, &code)| decode_error(code, diagonal) <= error);
             // A sample's error is that of the state at or below its count.

@@ -11,11 +11,9 @@
 
 mod common;
 
-use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
+use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
-use collapsar::bake::{BakeOptions, BakeProgress, bake};
 use collapsar::frame::{ContentDigest, PassesOn, Renderer, Settings};
 use collapsar::gpu::{Gpu, GpuOptions, testing};
 use collapsar::scene::{CameraPath, Scene};
@@ -37,22 +35,14 @@ fn gpu(test: &str) -> Option<Arc<Gpu>> {
     Some(Arc::clone(gpu))
 }
 
-fn baked(source: &Path) -> Arc<Scene> {
-    let folder = tempfile::tempdir().unwrap();
-    let container = folder.path().join("model.clps");
-    let progress = BakeProgress { cancelled: AtomicBool::new(false), ..BakeProgress::default() };
-    bake(&[source.to_owned()], &container, &BakeOptions::default(), &progress).unwrap();
-    Arc::new(Scene::open(&container).unwrap())
-}
-
 fn engine() -> Arc<Scene> {
     static SCENE: OnceLock<Arc<Scene>> = OnceLock::new();
-    Arc::clone(SCENE.get_or_init(|| baked(&common::bundled("2CylinderEngine.glb"))))
+    Arc::clone(SCENE.get_or_init(|| common::baked(&common::bundled("2CylinderEngine.glb"))))
 }
 
 fn truck() -> Arc<Scene> {
     static SCENE: OnceLock<Arc<Scene>> = OnceLock::new();
-    Arc::clone(SCENE.get_or_init(|| baked(&common::bundled("peterbilt.obj"))))
+    Arc::clone(SCENE.get_or_init(|| common::baked(&common::bundled("peterbilt.obj"))))
 }
 
 const SMALL: Settings = Settings {
@@ -97,8 +87,14 @@ fn digests(flight: &[(FrameRecord, ContentDigest)]) -> Vec<ContentDigest> {
 const PATHS: [&str; 5] = ["orbit", "walk", "through", "still", "teleport"];
 
 /// Flies every path in every way that must not change what is drawn.
-fn all_ways_draw_the_same(gpu: &Arc<Gpu>, scene: &Arc<Scene>, settings: Settings, frames: u64) {
-    for path in PATHS {
+fn all_ways_draw_the_same(
+    gpu: &Arc<Gpu>,
+    scene: &Arc<Scene>,
+    settings: Settings,
+    frames: u64,
+    paths: &[&str],
+) {
+    for &path in paths {
         let coherent = digests(&fly(gpu, scene, path, frames, settings));
         let ways = [
             ("whole", Settings { strategy: Strategy::Whole, ..settings }),
@@ -122,7 +118,40 @@ fn all_ways_draw_the_same(gpu: &Arc<Gpu>, scene: &Arc<Scene>, settings: Settings
 #[test]
 fn all_ways_draw_the_same_engine() {
     let Some(gpu) = gpu("all_ways_draw_the_same_engine") else { return };
-    all_ways_draw_the_same(&gpu, &engine(), SMALL, 24);
+    all_ways_draw_the_same(&gpu, &engine(), SMALL, 24, &PATHS);
+}
+
+#[test]
+fn all_ways_draw_the_same_part_in_cells() {
+    let Some(gpu) = gpu("all_ways_draw_the_same_part_in_cells") else { return };
+    let scene = common::baked_meshes(&[common::height_field(280), common::height_field(40)]);
+    assert!(scene.has_parents());
+    // Around the step from the parent to its children.
+    let paths = ["orbit", "through", "teleport"];
+    let step = scene.parts()[0].vertices;
+    for budget_vertices in [step / 2, 2 * step, 20 * step] {
+        let settings = Settings { budget_vertices, ..SMALL };
+        all_ways_draw_the_same(&gpu, &scene, settings, 12, &paths);
+    }
+    let capped = Settings { budget_vertices: 8 * step, upload_limit_bytes: Some(30_000), ..SMALL };
+    all_ways_draw_the_same(&gpu, &scene, capped, 12, &paths);
+}
+
+/// With a cap on uploads, a parent is drawn until all its children are there.
+#[test]
+fn a_capped_upload_leaves_no_hole_between_cells() {
+    let Some(gpu) = gpu("a_capped_upload_leaves_no_hole_between_cells") else { return };
+    let scene = common::baked_meshes(&[common::height_field(280)]);
+    let budget_vertices = 8 * scene.parts()[0].vertices;
+    let settings = Settings { budget_vertices, upload_limit_bytes: Some(20_000), ..SMALL };
+    let path = CameraPath::parse("still").unwrap();
+    let mut renderer = Renderer::new(Arc::clone(&gpu), Arc::clone(&scene), settings).unwrap();
+    for frame in 0..12 {
+        renderer.frame(&path.camera(frame, 12, scene.bounds())).unwrap();
+        let drawn: Vec<bool> = renderer.states().iter().map(|state| !state.is_empty()).collect();
+        let leaves = drawn[1..].iter().filter(|&&drawn| drawn).count();
+        assert!(drawn[0] && leaves == 0 || leaves == drawn.len() - 1, "frame {frame}: {drawn:?}");
+    }
 }
 
 #[test]
@@ -133,7 +162,7 @@ fn all_ways_draw_the_same_truck_in_several_batches_with_a_capped_upload() {
     let settings = Settings { batch_limit_bytes: Some(150_000), upload_limit_bytes: Some(60_000), ..SMALL };
     let renderer = Renderer::new(Arc::clone(&gpu), truck(), settings).unwrap();
     assert!(renderer.batch_count() > 1);
-    all_ways_draw_the_same(&gpu, &truck(), settings, 24);
+    all_ways_draw_the_same(&gpu, &truck(), settings, 24, &PATHS);
 }
 
 #[test]
@@ -242,7 +271,7 @@ fn all_ways_draw_the_same_largest() {
     let scene = if file.extension().is_some_and(|e| e == "clps") {
         Arc::new(Scene::open(&file).unwrap())
     } else {
-        baked(&file)
+        common::baked(&file)
     };
-    all_ways_draw_the_same(&gpu, &scene, Settings { budget_vertices: 300_000, ..SMALL }, 300);
+    all_ways_draw_the_same(&gpu, &scene, Settings { budget_vertices: 300_000, ..SMALL }, 300, &PATHS);
 }

@@ -9,7 +9,8 @@ use std::sync::OnceLock;
 use bytemuck::Pod;
 use collapsar::geometry::{TriangleRecord, VertexRecord};
 use collapsar::gpu::layout::{
-    ActiveVertex, DefragmentParams, FRESH, Grant, GrantParams, ReformParams, SelectParams, SelectRow,
+    ActiveVertex, DefragmentParams, FRESH, Grant, GrantParams, NO_PARENT_ROW, ReformParams, SelectParams,
+    SelectRow,
 };
 use collapsar::gpu::shader::{KernelLayout, Shader, read, uniform, write};
 use collapsar::gpu::timer::Timer;
@@ -751,6 +752,40 @@ fn random_row(seed: u64) -> SelectRow {
         half_extent,
         error_scale: size as f32,
         errors: bytemuck::cast(codes),
+        parent: NO_PARENT_ROW,
+        ..Default::default()
+    }
+}
+
+/// Rows of which half are cells below one of the ten rows before them.
+fn with_parents(mut rows: Vec<SelectRow>) -> Vec<SelectRow> {
+    let mut leaves = vec![0u32; rows.len()];
+    for i in (0..rows.len()).rev() {
+        rows[i].log2_cells = (leaves[i].max(1) as f32).log2();
+        if i > 0 && below(i as u64, 2) == 0 {
+            let parent = i - 1 - below(i as u64 + 1, i.min(10) as u32) as usize;
+            rows[i].parent = parent as u32;
+            // Two more than it has, so that each counts as a parent.
+            leaves[parent] += leaves[i].max(1) + 1;
+        }
+    }
+    rows
+}
+
+#[test]
+fn select_agrees_with_its_reference_on_parent_cells() {
+    let Some(gpu) = gpu() else { return };
+    for count in [2, 65, 1000, 4097] {
+        let rows = with_parents((0..count).map(random_row).collect());
+        let mut old: Vec<_> = (0..count).map(|i| below(i, 3) * below(i, 3000)).collect();
+        for (budget, error_px) in [(0, 0.0), (1000, 0.0), (100_000, 2.0), (5_000_000, 0.0), (u32::MAX, 1.0)] {
+            let params = SelectView { error_px, ..view(budget) }.params(count as u32);
+            let wish = reference::select(&rows, &params, &old);
+            assert_same("parent cells", &select_on(gpu, &rows, &params, &old), &wish);
+            let parents = rows.iter().zip(&wish).filter(|(row, wish)| row.log2_cells > 0.0 && **wish > 0);
+            assert!(budget < 100_000 || count < 100 || parents.count() > 0, "no parent is drawn");
+            old = wish;
+        }
     }
 }
 
@@ -780,7 +815,7 @@ fn check_select(gpu: &Gpu, case: &str, rows: &[SelectRow], view: &SelectView, ol
 /// The sum is the budget if floors and ceilings allow, and each wish lies between its own.
 fn check_spent(case: &str, rows: &[SelectRow], params: &SelectParams, old: &[u32], wish: &[u32]) {
     let items: Vec<_> =
-        rows.iter().zip(old).map(|(row, &old)| reference::select::weigh(row, params, old)).collect();
+        (0..rows.len()).map(|index| reference::select::weigh(rows, index, params, old)).collect();
     let sum = |values: &mut dyn Iterator<Item = u32>| values.map(u64::from).sum::<u64>();
     let floors = sum(&mut items.iter().map(|item| item.floor));
     let ceilings = sum(&mut items.iter().map(|item| item.ceiling));
@@ -809,8 +844,14 @@ fn select_agrees_with_its_reference() {
 fn select_agrees_where_instances_are_alike_or_odd() {
     let Some(gpu) = gpu() else { return };
     let (centre_high, centre_low) = reference::select::split([1010.25, -20.5, 3.125]);
-    let like =
-        SelectRow { centre_high, centre_low, ceiling: 5000, half_extent: [0.5; 3], ..Default::default() };
+    let like = SelectRow {
+        centre_high,
+        centre_low,
+        ceiling: 5000,
+        half_extent: [0.5; 3],
+        parent: NO_PARENT_ROW,
+        ..Default::default()
+    };
     let alike = |row: SelectRow| check_select(gpu, "alike", &vec![row; 500], &view(99_999), &[0; 500]);
     // All jump at the same factor: what is left over goes to the first.
     assert_eq!(alike(like), [vec![200; 499], vec![199]].concat());

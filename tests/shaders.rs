@@ -8,7 +8,7 @@ use collapsar::passes::SHADERS;
 use naga::valid::{Capabilities, GlobalUse, ModuleInfo, ValidationFlags, Validator};
 
 /// Structs that live inside a shader only.
-const SHADER_ONLY: &[&str] = &["Origin", "Block"];
+const SHADER_ONLY: &[&str] = &["Origin", "Block", "Seen"];
 
 fn validated(shader: &Shader) -> (naga::Module, ModuleInfo) {
     let source = shader.source();

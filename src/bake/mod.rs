@@ -13,8 +13,9 @@ use rayon::prelude::*;
 
 use crate::container::{self, ContainerError, Contents, StoredInstance, StoredPart};
 use crate::geometry::Boundary;
+use crate::geometry::cell_tree::Watch;
 use crate::geometry::normals::{CREASE_DEGREES, by_crease_angle};
-use crate::geometry::part::{PartOutcome, order_part_unless};
+use crate::geometry::part::{PartOutcome, order_part_watched};
 use crate::import::{self, ImportError, Model, SourceMesh};
 
 pub use report::{BakeReport, StalledPart};
@@ -75,6 +76,16 @@ pub struct BakeProgress {
     pub triangles_done: AtomicU64,
     /// Set by the user's side to stop the bake at the next part or cell.
     pub cancelled: AtomicBool,
+}
+
+impl Watch for BakeProgress {
+    fn stopped(&self) -> bool {
+        self.cancelled.load(Ordering::Relaxed)
+    }
+
+    fn done(&self, triangles: usize) {
+        self.triangles_done.fetch_add(triangles as u64, Ordering::Relaxed);
+    }
 }
 
 impl BakeProgress {
@@ -152,17 +163,15 @@ fn order_one(
     progress: &BakeProgress,
 ) -> Result<PartOutcome, BakeError> {
     progress.check()?;
-    let stopped = || progress.cancelled.load(Ordering::Relaxed);
     let outcome = if mesh.normals.is_empty() {
         let mut mesh = mesh.clone();
         by_crease_angle(&mut mesh, options.crease_degrees);
-        order_part_unless(&mesh, options.boundary, &stopped)
+        order_part_watched(&mesh, options.boundary, progress)
     } else {
-        order_part_unless(mesh, options.boundary, &stopped)
+        order_part_watched(mesh, options.boundary, progress)
     };
     // What was stopped lacks cells.
     progress.check()?;
-    progress.triangles_done.fetch_add(mesh.triangles.len() as u64, Ordering::Relaxed);
     Ok(outcome)
 }
 

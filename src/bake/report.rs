@@ -3,8 +3,9 @@
 use serde::Serialize;
 
 use crate::container::{Contents, Written};
+use crate::geometry::OrderedPart;
 use crate::geometry::part::PartOutcome;
-use crate::geometry::record::Stall;
+use crate::geometry::record::{CellPlace, Stall};
 use crate::import::Model;
 
 /// What was read, what became of it, and what it cost.
@@ -82,13 +83,30 @@ pub(super) fn counted(model: &Model, outcomes: &[Option<PartOutcome>]) -> BakeRe
     }
     let per_mesh = |mesh: u32| {
         let cells = outcomes[mesh as usize].iter().flat_map(|outcome| &outcome.cells);
-        cells.map(|part| u64::from(part.triangle_count())).sum::<u64>()
+        cells
+            .filter(|cell| cell.place.leaf_cells == 0)
+            .map(|part| u64::from(part.triangle_count()))
+            .sum::<u64>()
     };
     let placed = model.instances.iter().map(|instance| per_mesh(instance.mesh));
     (report.instances, report.triangles_placed) = placed
         .filter(|&triangles| triangles > 0)
         .fold((0, 0), |(count, sum), triangles| (count + 1, sum + triangles));
     report
+}
+
+/// The part, if one of its roots stalls.
+fn stalled(name: &str, cells: &[OrderedPart]) -> Option<StalledPart> {
+    let cause = cells.iter().map(|cell| cell.stall).find(|&stall| stall != Stall::None)?;
+    let sum = |of: fn(&OrderedPart) -> u32, which: fn(&CellPlace) -> bool| {
+        cells.iter().filter(|cell| which(&cell.place)).map(|cell| u64::from(of(cell))).sum()
+    };
+    Some(StalledPart {
+        name: name.to_owned(),
+        triangles: sum(OrderedPart::triangle_count, |place| place.leaf_cells == 0),
+        coarsest_triangles: sum(OrderedPart::coarsest_triangles, |place| place.parent_distance == 0),
+        cause: cause.describe(),
+    })
 }
 
 impl BakeReport {
@@ -102,20 +120,15 @@ impl BakeReport {
         self.open_positions += weld.edges.open_positions as u64;
         self.non_manifold_edges += weld.edges.non_manifold_edges as u64;
         self.parts += u64::from(!outcome.cells.is_empty());
-        for part in &outcome.cells {
+        for part in outcome.cells.iter().filter(|part| part.place.leaf_cells == 0) {
             self.vertices += part.vertices.len() as u64;
             self.triangles += u64::from(part.triangle_count());
+        }
+        for part in outcome.cells.iter().filter(|part| part.place.parent_distance == 0) {
             self.locked_vertices += u64::from(part.locked);
             self.coarsest_triangles += u64::from(part.coarsest_triangles());
-            if part.stall != Stall::None {
-                self.stalled_parts.push(StalledPart {
-                    name: name.to_owned(),
-                    triangles: part.triangle_count().into(),
-                    coarsest_triangles: part.coarsest_triangles().into(),
-                    cause: part.stall.describe(),
-                });
-            }
         }
+        self.stalled_parts.extend(stalled(name, &outcome.cells));
     }
 
     /// Adds what is known when the container is written; `seconds` for import, ordering, and all.

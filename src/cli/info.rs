@@ -72,6 +72,8 @@ struct PartInfo {
     locked_vertices: u32,
     coarsest_triangles: u32,
     cell: bool,
+    parent_distance: u32,
+    leaf_cells: u32,
     stall: &'static str,
 }
 
@@ -89,8 +91,11 @@ pub fn run(arguments: &InfoArguments) -> Result<(), Failure> {
 
 fn gather(container: &Container<'_>, file_bytes: u64, with_parts: bool) -> Info {
     let parts = container.parts();
-    let sum = |value: fn(&PartRow) -> u32| parts.iter().map(|part| u64::from(value(part))).sum::<u64>();
-    let triangles = sum(|part| part.triangles);
+    let sum = |which: fn(&PartRow) -> bool, value: fn(&PartRow) -> u32| {
+        parts.iter().filter(|&part| which(part)).map(|part| u64::from(value(part))).sum::<u64>()
+    };
+    let is_leaf = |part: &PartRow| !part.is_parent();
+    let triangles = sum(is_leaf, |part| part.triangles);
     let first_cell = |part: usize| part == 0 || parts[part].source != parts[part - 1].source;
     let placed = container.instances().iter().map(|instance| instance.part as usize);
     let mut section_bytes: BTreeMap<&'static str, u64> =
@@ -103,11 +108,14 @@ fn gather(container: &Container<'_>, file_bytes: u64, with_parts: bool) -> Info 
         instances: placed.clone().filter(|&part| first_cell(part)).count() as u64,
         nodes: container.nodes().len() as u64,
         materials: container.materials().len() as u64,
-        vertices: sum(|part| part.vertices),
+        vertices: sum(is_leaf, |part| part.vertices),
         triangles,
-        triangles_placed: placed.map(|part| u64::from(parts[part].triangles)).sum(),
-        locked_vertices: sum(|part| part.locked),
-        coarsest_triangles: sum(|part| part.coarsest_triangles),
+        triangles_placed: placed
+            .filter(|&part| is_leaf(&parts[part]))
+            .map(|part| u64::from(parts[part].triangles))
+            .sum(),
+        locked_vertices: sum(PartRow::is_root, |part| part.locked),
+        coarsest_triangles: sum(PartRow::is_root, |part| part.coarsest_triangles),
         file_bytes,
         bytes_per_triangle: file_bytes as f64 / triangles.max(1) as f64,
         section_bytes,
@@ -144,6 +152,8 @@ fn part_list(container: &Container<'_>) -> Vec<PartInfo> {
         locked_vertices: part.locked,
         coarsest_triangles: part.coarsest_triangles,
         cell: part.is_cell(),
+        parent_distance: part.parent_distance,
+        leaf_cells: part.leaf_cells,
         stall: part.stall().describe(),
     })
     .collect()

@@ -48,10 +48,12 @@ impl Tables<'_> {
             self.check_name(row.name_offset, row.name_bytes)?;
             self.check_tiers(row, &mut first_chunk)
         })?;
+        check_cell_tree(self.parts)?;
         check_rows("chunk", self.chunks, |index, _| {
             ensure((index as u64) < first_chunk, || "it belongs to no part".to_owned())
         })?;
         check_rows("instance", self.instances, |_, row| self.check_instance(row))?;
+        check_rows("instance", self.instances, |index, row| self.check_cells_together(index, row))?;
         check_rows("node", self.nodes, |index, row| self.check_node(index, row))?;
         check_rows("material", self.materials, |_, row| self.check_name(row.name_offset, row.name_bytes))?;
         self.check_payload(header)
@@ -109,6 +111,25 @@ impl Tables<'_> {
         ensure(row.world_from_part.iter().all(|c| c.is_finite()), || "its transform is not finite".to_owned())
     }
 
+    /// The cells of a part with parent cells are placed one after another, all of them: whoever draws one in the place of
+    /// others finds these by their distance.
+    fn check_cells_together(&self, index: usize, row: &InstanceRow) -> RowCheck {
+        let part = row.part as usize;
+        let neighbour = |part: Option<usize>, instance: Option<usize>| {
+            let Some(part) = part.filter(|&p| same_tree(self.parts, row.part as usize, p)) else {
+                return true;
+            };
+            instance.and_then(|instance| self.instances.get(instance)).is_some_and(|other| {
+                other.part as usize == part
+                    && other.node == row.node
+                    && other.world_from_part == row.world_from_part
+            })
+        };
+        let both = neighbour(part.checked_sub(1), index.checked_sub(1))
+            && neighbour(Some(part + 1), Some(index + 1));
+        ensure(both, || format!("part {part} is placed without the other cells of its part beside it"))
+    }
+
     fn check_node(&self, index: usize, row: &NodeRow) -> RowCheck {
         self.check_name(row.name_offset, row.name_bytes)?;
         ensure(row.parent == NO_PARENT || (row.parent as usize) < index, || {
@@ -149,6 +170,46 @@ pub(super) fn part_chunks<'a>(chunks: &'a [ChunkRow], part: &PartRow) -> &'a [Ch
     first.checked_add(part.tier_count as usize).and_then(|end| chunks.get(first..end)).unwrap_or(&[])
 }
 
+/// Whether two parts are cells of one part that has parent cells.
+fn same_tree(parts: &[PartRow], part: usize, other: usize) -> bool {
+    let in_tree = |row: &PartRow| row.is_parent() || !row.is_root();
+    let rows = parts.get(part).zip(parts.get(other));
+    rows.is_some_and(|(row, other)| row.source == other.source && in_tree(row) && in_tree(other))
+}
+
+/// Parents come before their children, are cells of the same part on the same grid, and stand for the leaves below
+/// them.
+fn check_cell_tree(parts: &[PartRow]) -> Result<(), ContainerError> {
+    let mut depth = vec![0; parts.len()];
+    check_rows("part", parts, |index, row| {
+        let distance = row.parent_distance as usize;
+        if distance == 0 {
+            return Ok(());
+        }
+        let Some(parent) = index.checked_sub(distance) else {
+            return Err(format!("its parent cell is {distance} parts before it"));
+        };
+        depth[index] = depth[parent] + 1;
+        let alike = |a: &PartRow, b: &PartRow| (a.source, a.step_exponent) == (b.source, b.step_exponent);
+        let sound = parts[parent].is_parent() && alike(row, &parts[parent]) && row.is_cell();
+        ensure(sound && depth[index] < MAX_CELL_DEPTH, || {
+            format!("its parent cell, part {parent}, is none, or is one of another part or grid")
+        })
+    })?;
+    let mut leaves = vec![0u64; parts.len()];
+    for (index, row) in parts.iter().enumerate().rev() {
+        let own = if row.is_parent() { leaves[index] } else { 1 };
+        if row.is_parent() && own != u64::from(row.leaf_cells) {
+            let problem = format!("it stands for {} leaf cells and has {own}", row.leaf_cells);
+            return Err(ContainerError::Malformed { place: format!("part {index}"), problem });
+        }
+        if !row.is_root() {
+            leaves[index - row.parent_distance as usize] += own;
+        }
+    }
+    Ok(())
+}
+
 /// What a part's row shows alone.
 fn check_part(row: &PartRow) -> RowCheck {
     ensure((1..=MAX_PART_VERTICES as u32).contains(&row.vertices), || {
@@ -164,7 +225,7 @@ fn check_part(row: &PartRow) -> RowCheck {
     ensure(Stall::from_byte(row.stall).is_some(), || {
         format!("its cause of stall is {}, unknown", row.stall)
     })?;
-    ensure(row.reserved == [0; 15], || "its reserved bytes are not zero".to_owned())?;
+    ensure(row.reserved == [0; 3] && row.reserved_too == 0, || "its reserved bytes are not zero".to_owned())?;
     check_grid(row)
 }
 

@@ -9,7 +9,7 @@ use glam::DAffine3;
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::geometry::Grid;
-use crate::geometry::record::{ERROR_SAMPLES, Stall};
+use crate::geometry::record::{CellPlace, ERROR_SAMPLES, Stall};
 
 #[cfg(target_endian = "big")]
 compile_error!("container rows are read in place, and the file is little-endian");
@@ -25,6 +25,8 @@ pub const ALIGNMENT: u64 = 16;
 pub const SECTIONS: usize = 6;
 /// Where the first section starts.
 pub const SECTIONS_START: u64 = (size_of::<Header>() + SECTIONS * size_of::<SectionRow>()) as u64;
+/// The most cells on the way from a root cell to a leaf cell.
+pub const MAX_CELL_DEPTH: usize = 16;
 /// The parent of a node that has none.
 pub const NO_PARENT: u32 = u32::MAX;
 
@@ -170,7 +172,13 @@ pub struct PartRow {
     /// A [`Stall`].
     pub stall: u8,
     /// Zero.
-    pub reserved: [u8; 15],
+    pub reserved: [u8; 3],
+    /// How many rows before it the row of its parent cell is; 0 if it has none.
+    pub parent_distance: u32,
+    /// How many leaf cells a parent cell stands for; 0 for any other part.
+    pub leaf_cells: u32,
+    /// Zero.
+    pub reserved_too: u32,
 }
 
 impl PartRow {
@@ -192,6 +200,21 @@ impl PartRow {
     /// Whether it is a cell of a part that was cut.
     pub fn is_cell(&self) -> bool {
         self.flags & Self::CELL != 0
+    }
+
+    /// Whether it is a parent cell: other parts are drawn in its place where that is too coarse.
+    pub fn is_parent(&self) -> bool {
+        self.leaf_cells > 0
+    }
+
+    /// Whether it has no parent, so that its coarsest state is the coarsest of what it stands for.
+    pub fn is_root(&self) -> bool {
+        self.parent_distance == 0
+    }
+
+    /// Where it stands among the cells of its part.
+    pub fn place(&self) -> CellPlace {
+        CellPlace { parent_distance: self.parent_distance, leaf_cells: self.leaf_cells }
     }
 
     /// Why its coarsest state is not coarser ([`Stall::None`] for an unknown byte, which no opened container has).

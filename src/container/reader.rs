@@ -182,6 +182,7 @@ pub(super) fn join(row: &PartRow, views: &[ChunkView]) -> OrderedPart {
         locked: row.locked,
         errors: row.errors,
         stall: row.stall(),
+        place: row.place(),
     };
     for (view, tier) in views.iter().zip(&mut part.tiers).rev() {
         part.vertices.extend_from_slice(view.vertices);

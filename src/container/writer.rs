@@ -380,7 +380,10 @@ fn part_row<'a>(stored: &'a StoredPart, first_chunk: u32, names: &mut Names<'a>)
         tier_count: part.tiers.len() as u32,
         errors: part.errors,
         stall: part.stall as u8,
-        reserved: [0; 15],
+        reserved: [0; 3],
+        parent_distance: part.place.parent_distance,
+        leaf_cells: part.place.leaf_cells,
+        reserved_too: 0,
     }
 }
 

@@ -1,5 +1,6 @@
 //! What each batch is sent: requests to the disk, deltas under the cap of the frame, and the deal of instances to batches.
 
+use std::ops::Range;
 use std::time::Instant;
 
 use super::{DRAW_BYTES, FrameError, PassesOn, Renderer, milliseconds_since};
@@ -58,6 +59,9 @@ impl Renderer {
         let instances = self.scene.instances();
         let wished = self.wishes.get().iter().zip(instances).filter(|&(&wish, _)| wish > 0);
         let mut wished: Vec<(u32, u32)> = wished.map(|(&wish, instance)| (wish, instance.part)).collect();
+        for part in self.wished_parents() {
+            self.residency.request(part, self.scene.tiers(part).len().saturating_sub(1) as u32)?;
+        }
         for &(_, part) in &wished {
             self.residency.request(part, self.scene.tiers(part).len().saturating_sub(1) as u32)?;
         }
@@ -67,6 +71,16 @@ impl Renderer {
             self.residency.request(part, coarsest_tier_with(sizes, wish))?;
         }
         Ok(())
+    }
+
+    /// The parts of the parent cells of what is wished for, which stand in until that has arrived.
+    fn wished_parents(&self) -> Vec<u32> {
+        if !self.scene.has_parents() {
+            return Vec::new();
+        }
+        let wished = self.wishes.get().iter().enumerate().filter(|&(_, &wish)| wish > 0);
+        let parents = wished.filter_map(|(instance, _)| self.scene.parent_instance(instance as u32));
+        parents.map(|parent| self.scene.instances()[parent as usize].part).collect()
     }
 
     /// Stage 3: the deltas of every batch, in the order of its instances. Instances whose delta no longer fits the
@@ -109,30 +123,47 @@ impl Renderer {
     /// The cap is on deltas whatever the strategy, so that all strategies draw the same.
     fn hold_back_what_exceeds_the_cap(&mut self) {
         let Some(cap) = self.settings.upload_limit_bytes else { return };
-        let delta = |number: usize| {
-            let (old, new) = (self.states[number], self.wanted[number]);
-            Delta { instance: number as u32, old, new }
-        };
-        let mut growing: Vec<(u64, usize)> = (0..self.states.len())
-            .filter(|&number| self.states[number] != self.wanted[number])
-            .map(|number| (delta(number).lack(Strategy::Coherent).bytes(), number))
-            .filter(|&(bytes, _)| bytes > 0)
-            .collect();
+        let mut growing = self.growing_placements();
         // What is not drawn at all comes first, then what is cheap; but in every other frame what is dearest, so that
         // a part above the cap is not passed over for ever.
-        growing.sort_by_key(|&(bytes, number)| (!self.states[number].is_empty(), bytes, number));
+        growing.sort_by_key(|(bytes, placement)| (self.is_drawn(placement), *bytes, placement.start));
         if self.frame % 2 == 1 {
             growing.reverse();
         }
         let mut spent = 0;
-        for (i, &(bytes, number)) in growing.iter().enumerate() {
+        for (i, (bytes, placement)) in growing.into_iter().enumerate() {
             spent += bytes;
             // The first goes whatever it takes: a cap below one part must not starve it.
             if spent > cap && i > 0 {
-                self.wanted[number] = self.states[number];
+                self.wanted[placement.clone()].copy_from_slice(&self.states[placement]);
                 self.pending = true;
             }
         }
+    }
+
+    fn is_drawn(&self, placement: &Range<usize>) -> bool {
+        self.states[placement.clone()].iter().any(|state| !state.is_empty())
+    }
+
+    /// The placements that lack something, with how many bytes. The cells of a part that has parent cells are one
+    /// placement: what a parent leaves, its children must take over in the same frame.
+    fn growing_placements(&self) -> Vec<(u64, Range<usize>)> {
+        let delta = |number: usize| {
+            let (old, new) = (self.states[number], self.wanted[number]);
+            Delta { instance: number as u32, old, new }
+        };
+        let mut growing: Vec<(u64, Range<usize>)> = Vec::new();
+        let mut first = 0;
+        while first < self.states.len() {
+            let placement = first..self.scene.placement_end(first as u32) as usize;
+            first = placement.end;
+            let changed = placement.clone().filter(|&number| self.states[number] != self.wanted[number]);
+            let bytes = changed.map(|number| delta(number).lack(Strategy::Coherent).bytes()).sum();
+            if bytes > 0 {
+                growing.push((bytes, placement));
+            }
+        }
+        growing
     }
 
     /// Doubles the number of batches until each fits its buffers; the check is the same for all strategies.

@@ -1,8 +1,9 @@
 //! A welded mesh in, cells of at most 65,536 vertices out: the paper's own future work (section 7).
 //!
-//! A kd-tree on triangles: the list is halved at the median of the centroids along the longest side of their box until
-//! every piece fits. Positions that several cells share are locked, so that cells meet without cracks at any mix of
-//! levels; all cells keep the grid of the whole, so that they meet exactly.
+//! A kd-tree on triangles: the list is cut across one axis of their box, near its middle and where the fewest triangles
+//! reach over the cut, until every piece fits. Positions that several cells share are locked, so that cells meet
+//! without cracks at any mix of levels; all cells keep the grid of the whole, so that they meet exactly. What the
+//! locked positions cost in the coarse states, parent cells win back (`cell_tree.rs`).
 
 use super::record::{MAX_PART_TRIANGLES, MAX_PART_VERTICES};
 use super::weld::WeldedMesh;
@@ -50,28 +51,96 @@ fn wedge_count(mesh: &WeldedMesh, piece: &[u32]) -> usize {
     wedges.len()
 }
 
-/// Three times the centroid of a triangle, in grid coordinates.
-fn centroid(mesh: &WeldedMesh, triangle: u32) -> [u32; 3] {
-    let corners = mesh.corner_positions(mesh.triangles[triangle as usize]);
-    let corners = corners.map(|position| mesh.positions[position as usize]);
-    [0, 1, 2].map(|axis| corners.iter().map(|corner| corner[axis]).sum())
-}
-
 /// Keeps the lower half of a piece and returns the upper.
 fn halve(mesh: &WeldedMesh, piece: &mut Vec<u32>) -> Vec<u32> {
-    let centroids = || piece.iter().map(|&t| centroid(mesh, t));
-    let extent = [0, 1, 2].map(|axis| {
-        let low = centroids().map(|c| c[axis]).min().unwrap_or(0);
-        centroids().map(|c| c[axis]).max().unwrap_or(0) - low
-    });
-    let axis = (0..3).max_by_key(|&axis| extent[axis]).unwrap_or(0);
-    let middle = piece.len() / 2;
-    piece.select_nth_unstable_by_key(middle, |&t| (centroid(mesh, t)[axis], t));
-    let mut upper = piece.split_off(middle);
-    // Back into the order of the mesh, which runs along the surface.
-    upper.sort_unstable();
-    piece.sort_unstable();
+    let cut =
+        (0..3).filter_map(|axis| Slabs::of(mesh, piece, axis)?.best_cut()).min_by_key(|cut| cut.reaching);
+    let Some(cut) = cut else {
+        // All in one slab along every axis: any half is as good as the other.
+        return piece.split_off(piece.len() / 2);
+    };
+    // Both keep the order of the mesh, which runs along the surface.
+    let (lower, upper) = piece.iter().partition(|&&triangle| centroid(mesh, triangle, cut.axis) < cut.at);
+    *piece = lower;
     upper
+}
+
+/// Three times a coordinate of a triangle's centroid, in grid steps.
+fn centroid(mesh: &WeldedMesh, triangle: u32, axis: usize) -> u32 {
+    corners(mesh, triangle, axis).iter().sum()
+}
+
+fn corners(mesh: &WeldedMesh, triangle: u32, axis: usize) -> [u32; 3] {
+    let corners = mesh.corner_positions(mesh.triangles[triangle as usize]);
+    corners.map(|position| mesh.positions[position as usize][axis])
+}
+
+/// Slabs of equal width along an axis that centroids are counted in.
+const SLABS: usize = 128;
+/// The smaller side of a cut gets at least this share of the triangles.
+const LEAST_SHARE: f64 = 0.35;
+
+/// How a piece lies along one axis. Lengths are three grid steps, as the centroids are.
+struct Slabs {
+    axis: usize,
+    low: u32,
+    width: u32,
+    /// Centroids in each slab.
+    centroids: [u32; SLABS],
+    /// Triangles that reach over the lower side of each slab, as differences along the axis.
+    reaching: [i32; SLABS + 1],
+}
+
+/// Where a piece may be cut: centroids below `at` are on the lower side.
+struct Cut {
+    axis: usize,
+    at: u32,
+    /// How many triangles reach over it: what the new border is about as long as.
+    reaching: i32,
+}
+
+impl Slabs {
+    /// `None` if all centroids have the same coordinate.
+    fn of(mesh: &WeldedMesh, piece: &[u32], axis: usize) -> Option<Self> {
+        let centroids = || piece.iter().map(|&triangle| centroid(mesh, triangle, axis));
+        let (low, high) = (centroids().min()?, centroids().max()?);
+        let width = (high - low) / SLABS as u32 + 1;
+        let mut slabs = Self { axis, low, width, centroids: [0; SLABS], reaching: [0; SLABS + 1] };
+        for &triangle in piece {
+            let corners = corners(mesh, triangle, axis);
+            slabs.centroids[slabs.slab(corners.iter().sum())] += 1;
+            let [least, greatest] =
+                [corners.iter().min(), corners.iter().max()].map(|corner| 3 * corner.unwrap_or(&0));
+            slabs.reaching[slabs.slab(least) + 1] += 1;
+            slabs.reaching[slabs.slab(greatest) + 1] -= 1;
+        }
+        (low < high).then_some(slabs)
+    }
+
+    fn slab(&self, at: u32) -> usize {
+        ((at.saturating_sub(self.low) / self.width) as usize).min(SLABS - 1)
+    }
+
+    /// The cut that the fewest triangles reach over, of those that leave enough on both sides; the median's slab if a
+    /// slab in the middle holds too many.
+    fn best_cut(&self) -> Option<Cut> {
+        let total: u32 = self.centroids.iter().sum();
+        let share = |below: u32| f64::from(below.min(total - below)) / f64::from(total);
+        let (mut below, mut reaching) = (0, 0);
+        let mut cuts = Vec::with_capacity(SLABS);
+        for slab in 1..SLABS {
+            below += self.centroids[slab - 1];
+            reaching += self.reaching[slab];
+            cuts.push((
+                share(below),
+                Cut { axis: self.axis, at: self.low + slab as u32 * self.width, reaching },
+            ));
+        }
+        let best_share = cuts.iter().map(|&(share, _)| share).fold(0.0, f64::max);
+        let least = LEAST_SHARE.min(best_share);
+        let fair = cuts.into_iter().filter(|&(share, _)| share > 0.0 && share >= least);
+        fair.map(|(_, cut)| cut).min_by_key(|cut| cut.reaching)
+    }
 }
 
 /// For every position, how many pieces use it.

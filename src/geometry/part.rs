@@ -1,18 +1,19 @@
 //! A source mesh in, one collapse-ordered part out, or several cells of one.
 
+use super::TrianglesAt;
 use super::adjacency::{EdgeCounts, edge_counts};
-use super::cells::{self, Cell};
-use super::collapse::{Boundary, collapse_order};
-use super::order::{OrderedMesh, arrange};
-use super::record::{ERROR_SAMPLES, Grid, OrderedPart, Stall, error_code};
+use super::cell_tree::{Watch, order_cells};
+use super::cells;
+use super::collapse::Boundary;
+use super::order::OrderedMesh;
+use super::record::{ERROR_SAMPLES, OrderedPart, error_code};
 use super::weld::{WeldedMesh, grid_of, weld};
-use super::{TrianglesAt, tiers};
 use crate::import::SourceMesh;
 
 /// A mesh in collapse order, and what its report says.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PartOutcome {
-    /// The part, or its cells where it had to be cut; none if no triangle had an area.
+    /// The part, or its cells where it had to be cut, parents before their children; none if no triangle had an area.
     pub cells: Vec<OrderedPart>,
     /// What the weld found.
     pub weld: WeldCounts,
@@ -37,11 +38,12 @@ pub struct WeldCounts {
 
 /// Orders one mesh, which has normals, by its edge collapses.
 pub fn order_part(mesh: &SourceMesh, boundary: Boundary) -> PartOutcome {
-    order_part_unless(mesh, boundary, &|| false)
+    order_part_watched(mesh, boundary, &())
 }
 
-/// As [`order_part`], but asks before every cell whether to stop; the outcome then lacks the cells that are left.
-pub fn order_part_unless(mesh: &SourceMesh, boundary: Boundary, stopped: &dyn Fn() -> bool) -> PartOutcome {
+/// As [`order_part`], for somebody who waits, on the threads of rayon's current pool; if stopped, the outcome lacks
+/// cells.
+pub fn order_part_watched(mesh: &SourceMesh, boundary: Boundary, watch: &dyn Watch) -> PartOutcome {
     let counts = WeldCounts {
         source_triangles: mesh.triangles.len(),
         source_vertices: mesh.positions.len(),
@@ -56,45 +58,23 @@ pub fn order_part_unless(mesh: &SourceMesh, boundary: Boundary, stopped: &dyn Fn
         edges: edge_counts(&welded),
         ..counts
     };
+    watch.done(mesh.triangles.len() - welded.triangles.len());
     let cells = if welded.triangles.is_empty() { Vec::new() } else { cells::cut(welded) };
-    let ordered = cells.iter().take_while(|_| !stopped()).map(|cell| order_cell(cell, grid, boundary));
-    PartOutcome { cells: ordered.collect(), weld: counts }
+    PartOutcome { cells: order_cells(&cells, grid, boundary, watch), weld: counts }
 }
 
-/// Orders one cell.
-pub fn order_cell(cell: &Cell, grid: Grid, boundary: Boundary) -> OrderedPart {
-    let order = collapse_order(&cell.mesh, &cell.locked, boundary);
-    let mesh = arrange(&cell.mesh, &order);
-    let coarsest = mesh.triangles_at.count_at(mesh.locked as usize) as usize;
-    let stalled = coarsest * 10 > mesh.triangles.len();
-    OrderedPart {
-        grid,
-        coloured: cell.mesh.coloured,
-        ecol: mesh.ecol.iter().map(|&target| target as u16).collect(),
-        tiers: tiers::cut(&mesh),
-        locked: mesh.locked,
-        errors: error_samples(&mesh, &cell.mesh),
-        stall: stall_of(stalled, order.stall),
-        triangles_at: mesh.triangles_at,
-        vertices: mesh.vertices,
-    }
-}
-
-/// A part that keeps more than a tenth of its triangles always has a cause.
-fn stall_of(stalled: bool, cause: Stall) -> Stall {
-    match (stalled, cause) {
-        (false, _) => Stall::None,
-        (true, Stall::None) => Stall::Least,
-        (true, cause) => cause,
-    }
+/// Whether a part keeps more of its triangles in its coarsest state than is useful: over a tenth.
+pub fn coarsest_share_is_high(coarsest: u32, triangles: u64) -> bool {
+    u64::from(coarsest) * 10 > triangles
 }
 
 /// The codes of the error at `m * 2^(-j/2)` vertices, relative to the diagonal of the box in grid steps.
-fn error_samples(mesh: &OrderedMesh, welded: &WeldedMesh) -> [u8; ERROR_SAMPLES] {
+/// `error` is what the finest state is off by already.
+pub(super) fn error_samples(mesh: &OrderedMesh, welded: &WeldedMesh, error: f32) -> [u8; ERROR_SAMPLES] {
     let diagonal = diagonal(welded);
     std::array::from_fn(|j| {
         let vn = sampled_count(mesh.vertices.len() as u32, j);
-        error_code(f64::from(mesh.error_at(vn)), diagonal)
+        error_code(f64::from(error + mesh.error_at(vn)), diagonal)
     })
 }
 

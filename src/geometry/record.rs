@@ -109,8 +109,20 @@ pub struct OrderedPart {
     pub locked: u32,
     /// [`error_code`]s of the error at `m`, `m / sqrt 2`, `m / 2`, ... vertices (`m * 2^(-j/2)` for entry `j`).
     pub errors: [u8; ERROR_SAMPLES],
-    /// Why the coarsest state is not coarser.
+    /// Why the coarsest state is not coarser; [`Stall::None`] for a cell that has a parent.
     pub stall: Stall,
+    /// Where it stands among the cells of its part.
+    pub place: CellPlace,
+}
+
+/// Where a cell stands among the cells of its part, which lie one after another, parents before their children. All
+/// zeros for a part that was not cut.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct CellPlace {
+    /// How many cells before it its parent is; 0 for a root, which has none.
+    pub parent_distance: u32,
+    /// How many leaf cells a parent cell stands for; 0 for a leaf cell.
+    pub leaf_cells: u32,
 }
 
 /// How many error samples a part has.

@@ -76,7 +76,7 @@ pub fn grid_of(mesh: &SourceMesh) -> Option<Grid> {
 }
 
 /// Interleaves the bits of three grid coordinates.
-fn morton(grid: [u32; 3]) -> u64 {
+pub(super) fn morton(grid: [u32; 3]) -> u64 {
     let spread = |c: u32| {
         let mut x = u64::from(c) & 0x1f_ffff;
         x = (x | x << 32) & 0x001f_0000_0000_ffff;

@@ -39,6 +39,9 @@ pub struct StructLayout {
 /// Set in a member of a [`Grant`]: nothing of the existing block is kept, all of the new one is streamed.
 pub const FRESH: u32 = 1 << 31;
 
+/// In a [`SelectRow`]: it has no parent cell.
+pub const NO_PARENT_ROW: u32 = u32::MAX;
+
 /// A vertex in the active buffer (`vec4<u32>` in shaders).
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Pod, Zeroable)]
@@ -122,6 +125,12 @@ shared! {
         pub error_scale: f32,
         /// 16 error codes (`geometry::record::error_code`), the first in the lowest byte.
         pub errors: [u32; 4],
+        /// The row of its parent cell, which comes before it; [`NO_PARENT_ROW`] if it has none.
+        pub parent: u32,
+        /// log2 of the leaf cells that a parent cell stands for; 0 for anything else.
+        pub log2_cells: f32,
+        /// Zero.
+        pub padding: [u32; 2],
     }
 
     /// The view and the budget of a selection; made by `reference::select::SelectView::params`.
@@ -164,6 +173,10 @@ shared! {
         pub ceiling: u32,
         /// The last budget.
         pub old: u32,
+        /// The least factor at which it is drawn: below it, a parent is in its place.
+        pub open: f32,
+        /// The least factor at which it is drawn no more: from it on, its children are.
+        pub close: f32,
     }
 
     /// How far the search for the common factor has come.

@@ -7,6 +7,7 @@
 //! same on the GPU ([`super::power`]), so that both agree bit for bit.
 
 use super::power::{exp2, log2};
+use crate::container::format::MAX_CELL_DEPTH;
 use crate::geometry::record::ERROR_SAMPLES;
 use crate::gpu::layout::{SelectParams, SelectRow, Weighed};
 use crate::scene::camera::split_f64;
@@ -18,6 +19,8 @@ const MAX_LAMBDA: u32 = 0x6780_0000;
 const MAX_LOG2_WEIGHT: f32 = 40.0;
 /// Responses are at most this: above any ceiling, and exact in f32.
 const MAX_RESPONSE: f32 = 16_777_216.0;
+/// Above any factor.
+const NEVER: f32 = 3e38;
 
 /// What selection needs to know of the camera and of the user's wishes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -100,40 +103,100 @@ fn sampled_count(ceiling: u32, j: usize) -> u32 {
     count.wrapping_add((1 << (j / 2)) - 1) >> (j / 2)
 }
 
-/// The least sampled vertex count whose error is allowed at this distance; the ceiling if none is.
-fn error_ceiling(row: &SelectRow, params: &SelectParams, log2_distance: f32) -> u32 {
-    let log2_allowed = (params.log2_error_limit + log2_distance) - log2(row.error_scale);
-    let codes: [u8; ERROR_SAMPLES] = bytemuck::cast(row.errors.map(u32::to_le));
-    let allowed = |&j: &usize| codes[j] == 0 || (f32::from(codes[j]) - 255.0) * 0.125 <= log2_allowed;
-    (0..ERROR_SAMPLES).rev().find(allowed).map_or(row.ceiling, |j| sampled_count(row.ceiling, j))
+/// How near an instance is, and how large in the picture.
+struct Seen {
+    centre: [f32; 3],
+    log2_distance2: f32,
+    log2_area: f32,
 }
 
-/// Culls and weighs an instance; all zeros if it is culled.
-pub fn weigh(row: &SelectRow, params: &SelectParams, old: u32) -> Weighed {
+fn see(row: &SelectRow, params: &SelectParams) -> Seen {
     let centre = centre_from_eye(row, params);
     let radius2 = dot(row.half_extent, row.half_extent);
     // Nearer than a tenth of the radius counts as there, inside or not.
     let log2_distance2 = log2((dot(centre, centre) - radius2).max(radius2 * 0.01));
     let log2_area = (params.log2_area_scale + log2(radius2)) - log2_distance2;
-    if outside_frustum(centre, row.half_extent, &params.planes) || log2_area < params.log2_area_min {
+    Seen { centre, log2_distance2, log2_area }
+}
+
+/// A parent weighs as much as its cells would if each had its share of the area.
+fn log2_weight(row: &SelectRow, params: &SelectParams, seen: &Seen) -> f32 {
+    let of_area = seen.log2_area.min(params.log2_area_max) * params.inverse_alpha;
+    let of_cells = (1.0 - params.inverse_alpha) * row.log2_cells;
+    (of_area + of_cells).clamp(-MAX_LOG2_WEIGHT, MAX_LOG2_WEIGHT)
+}
+
+/// log2 of the error that is allowed at a distance, in units of the row's error scale.
+fn log2_allowed_error(row: &SelectRow, params: &SelectParams, log2_distance: f32) -> f32 {
+    (params.log2_error_limit + log2_distance) - log2(row.error_scale)
+}
+
+fn error_is_allowed(code: u8, log2_allowed: f32) -> bool {
+    code == 0 || (f32::from(code) - 255.0) * 0.125 <= log2_allowed
+}
+
+/// The factor from which on the children of a parent are drawn; the dead band delays the way back.
+fn gate(row: &SelectRow, params: &SelectParams, seen: &Seen, old: u32) -> f32 {
+    let log2_allowed = log2_allowed_error(row, params, seen.log2_distance2 * 0.5);
+    if params.error_limited != 0 && error_is_allowed(row.errors[0] as u8, log2_allowed) {
+        return NEVER;
+    }
+    let factor = exp2(log2(row.ceiling as f32) - log2_weight(row, params, seen));
+    if old == 0 { factor * (1.0 - params.dead_band) } else { factor }
+}
+
+/// The factor from which on no ancestor is in a row's place.
+fn opening(rows: &[SelectRow], index: usize, params: &SelectParams, old: &[u32]) -> f32 {
+    let parent = |index: usize| Some(rows[index].parent as usize).filter(|&parent| parent < rows.len());
+    std::iter::successors(parent(index), |&index| parent(index))
+        .take(MAX_CELL_DEPTH)
+        .map(|index| gate(&rows[index], params, &see(&rows[index], params), old[index]))
+        .fold(0.0, f32::max)
+}
+
+/// The least sampled vertex count whose error is allowed at this distance; the ceiling if none is.
+fn error_ceiling(row: &SelectRow, params: &SelectParams, log2_distance: f32) -> u32 {
+    let log2_allowed = log2_allowed_error(row, params, log2_distance);
+    let codes: [u8; ERROR_SAMPLES] = bytemuck::cast(row.errors.map(u32::to_le));
+    let allowed = |&j: &usize| error_is_allowed(codes[j], log2_allowed);
+    (0..ERROR_SAMPLES).rev().find(allowed).map_or(row.ceiling, |j| sampled_count(row.ceiling, j))
+}
+
+/// Culls and weighs the instance of a row; all zeros if it is culled. `old` has the last budgets, one a row.
+pub fn weigh(rows: &[SelectRow], index: usize, params: &SelectParams, old: &[u32]) -> Weighed {
+    let row = &rows[index];
+    let seen = see(row, params);
+    if outside_frustum(seen.centre, row.half_extent, &params.planes) || seen.log2_area < params.log2_area_min
+    {
         return Weighed::default();
     }
-    let log2_weight = log2_area.min(params.log2_area_max) * params.inverse_alpha;
     let ceiling = match params.error_limited {
         0 => row.ceiling,
-        _ => error_ceiling(row, params, log2_distance2 * 0.5).max(row.floor.min(row.ceiling)),
+        _ => error_ceiling(row, params, seen.log2_distance2 * 0.5).max(row.floor.min(row.ceiling)),
     };
+    let open = opening(rows, index, params, old);
+    let is_parent = row.log2_cells > 0.0;
     Weighed {
-        weight: exp2(log2_weight.clamp(-MAX_LOG2_WEIGHT, MAX_LOG2_WEIGHT)),
+        weight: exp2(log2_weight(row, params, &seen)),
         floor: row.floor.min(ceiling),
         ceiling,
-        old: old.min(MAX_RESPONSE as u32),
+        old: old[index].min(MAX_RESPONSE as u32),
+        open,
+        close: if is_parent { open.max(gate(row, params, &seen, old[index])) } else { NEVER },
     }
 }
 
-/// The budget of an instance at a factor. It never falls as the factor grows: inside the dead band it is the old
-/// one, which is above all responses below the band and below all responses above it.
+/// Whether an instance is drawn at a factor, rather than its parent cell or its children.
+fn is_drawn(item: &Weighed, lambda: f32) -> bool {
+    item.open <= lambda && lambda < item.close
+}
+
+/// The budget of an instance at a factor. While it is drawn it never falls as the factor grows: inside the dead band
+/// it is the old one, which is above all responses below the band and below all responses above it.
 pub fn respond(item: &Weighed, lambda: f32, dead_band: f32) -> u32 {
+    if !is_drawn(item, lambda) {
+        return 0;
+    }
     let x = lambda * item.weight;
     let old = item.old as f32;
     let stays = item.old > 0 && (x - old).abs() <= dead_band * old;
@@ -141,42 +204,42 @@ pub fn respond(item: &Weighed, lambda: f32, dead_band: f32) -> u32 {
     count.clamp(item.floor, item.ceiling)
 }
 
-/// The greatest bits below `end` for which `affordable` is true, if it is so for all below some; at least 0.
+/// The greatest bits up to `end` for which `affordable` is true, found from the highest down, if it is so for all below
+/// some; at least 0. Where a parent closes, costs may fall, and then affordable bits are found that need not be the
+/// greatest.
 fn greatest(end: u32, affordable: impl Fn(u32) -> bool) -> u32 {
-    let (mut low, mut high) = (0, end);
-    while high - low > 1 {
-        let middle = low + (high - low) / 2;
-        if affordable(middle) {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    low
+    let with_bit = |low: u32, bit: u32| {
+        let candidate = low | 1 << bit;
+        if candidate <= end && affordable(candidate) { candidate } else { low }
+    };
+    (0..u32::BITS).rev().fold(0, with_bit)
 }
 
 /// The wished vertex count of each instance, 0 if it is culled, given those of the last frame.
 ///
 /// They spend exactly `params.budget` if the visible instances' floors and ceilings allow; if the floors are above
-/// it, each gets its floor. Time is in proportion to the instances: each is looked at about 35 times.
+/// it, each gets its floor. Of the cells of one part, parents are drawn below the factor that would give them all they
+/// have, and their children from there on: what that step is too large for is left over. Time is in proportion to the
+/// instances: each is looked at about 35 times.
 ///
 /// # Panics
 /// If `old` is shorter than `rows`.
 pub fn select(rows: &[SelectRow], params: &SelectParams, old: &[u32]) -> Vec<u32> {
-    let items: Vec<Weighed> =
-        rows.iter().zip(&old[..rows.len()]).map(|(row, &old)| weigh(row, params, old)).collect();
+    let items: Vec<Weighed> = (0..rows.len()).map(|index| weigh(rows, index, params, old)).collect();
     let at = |item: &Weighed, bits: u32| respond(item, f32::from_bits(bits), params.dead_band);
     let cost = |bits: u32| items.iter().map(|item| u64::from(at(item, bits))).sum::<u64>();
     let budget = u64::from(params.budget);
     // Positive floats are ordered as their bits are.
-    let lambda = greatest(MAX_LAMBDA + 1, |bits| cost(bits) <= budget);
+    let lambda = greatest(MAX_LAMBDA, |bits| cost(bits) <= budget);
     let next = (lambda + 1).min(MAX_LAMBDA);
     let mut left = budget.saturating_sub(cost(lambda));
     items
         .iter()
         .map(|item| {
             let count = at(item, lambda);
-            let dealt = left.min(u64::from(at(item, next) - count));
+            let stays = is_drawn(item, f32::from_bits(lambda)) == is_drawn(item, f32::from_bits(next));
+            let jump = if stays { at(item, next) - count } else { 0 };
+            let dealt = left.min(u64::from(jump));
             left -= dealt;
             count + dealt as u32
         })
@@ -186,6 +249,7 @@ pub fn select(rows: &[SelectRow], params: &SelectParams, old: &[u32]) -> Vec<u32
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gpu::layout::NO_PARENT_ROW;
     use proptest::prelude::*;
 
     fn view(budget: u32) -> SelectView {
@@ -204,7 +268,16 @@ mod tests {
 
     fn row(distance: f64, floor: u32, ceiling: u32) -> SelectRow {
         let (centre_high, centre_low) = split([distance, 0.0, 0.0]);
-        SelectRow { centre_high, floor, centre_low, ceiling, half_extent: [0.1; 3], ..Default::default() }
+        let half_extent = [0.1; 3];
+        SelectRow {
+            centre_high,
+            floor,
+            centre_low,
+            ceiling,
+            half_extent,
+            parent: NO_PARENT_ROW,
+            ..Default::default()
+        }
     }
 
     #[test]
@@ -248,6 +321,50 @@ mod tests {
         assert_eq!(select(&[at_least], &limited.params(1), &[0]), [600]);
     }
 
+    /// A root of two parents of two leaves each, all at one place.
+    fn tree() -> Vec<SelectRow> {
+        let cell = |parent, floor, ceiling, cells: f32| SelectRow {
+            parent,
+            log2_cells: cells.log2(),
+            ..row(10.0, floor, ceiling)
+        };
+        let leaf = |parent| cell(parent, 100, 10_000, 1.0);
+        let parents = [cell(NO_PARENT_ROW, 8, 300, 4.0), cell(0, 40, 180, 2.0), cell(0, 40, 180, 2.0)];
+        parents.into_iter().chain([leaf(1), leaf(1), leaf(2), leaf(2)]).collect()
+    }
+
+    #[test]
+    fn of_every_path_from_root_to_leaf_one_cell_is_drawn() {
+        let rows = tree();
+        let mut counts_drawn = Vec::new();
+        for budget in (0..45_000).step_by(97) {
+            let wish = select(&rows, &view(budget).params(7), &[0; 7]);
+            let drawn = |i: usize| u32::from(wish[i] > 0);
+            for (leaf, parent) in [(3, 1), (4, 1), (5, 2), (6, 2)] {
+                assert_eq!(drawn(leaf) + drawn(parent) + drawn(0), 1, "{budget}: {wish:?}");
+            }
+            assert!(wish.iter().sum::<u32>() <= budget.max(8), "{budget}: {wish:?}");
+            counts_drawn.push((0..7).map(drawn).sum::<u32>());
+        }
+        assert!(counts_drawn.is_sorted() && counts_drawn[0] == 1 && counts_drawn.last() == Some(&4));
+    }
+
+    #[test]
+    fn a_parent_that_is_good_enough_is_not_refined() {
+        let mut limited = view(u32::MAX);
+        limited.error_px = 1.0;
+        let mut rows = tree();
+        for row in &mut rows {
+            (row.error_scale, row.errors) = (1.0, [u32::from_le_bytes([200, 255, 255, 255]), !0, !0, !0]);
+        }
+        // 2^(-55/8) = 0.0085: more than 1 px at 1, less at 10.
+        assert_eq!(select(&rows, &limited.params(7), &[0; 7]), [300, 0, 0, 0, 0, 0, 0]);
+        for row in &mut rows {
+            row.centre_high = [0.8, 0.0, 0.0];
+        }
+        assert_eq!(select(&rows, &limited.params(7), &[0; 7]), [0, 0, 0, 10_000, 10_000, 10_000, 10_000]);
+    }
+
     #[test]
     fn a_camera_at_rest_changes_nothing() {
         let rows: Vec<_> = (1..100).map(|i| row(f64::from(i) * 3.7, 4, 5000)).collect();
@@ -266,7 +383,7 @@ mod tests {
             more in 0u32..65_536,
             old in prop_oneof![Just(0u32), 0u32..70_000],
         ) -> Weighed {
-            Weighed { weight: exp2(log2_weight), floor, ceiling: floor + more, old }
+            Weighed { weight: exp2(log2_weight), floor, ceiling: floor + more, old, open: 0.0, close: NEVER }
         }
     }
 

@@ -38,6 +38,7 @@ pub struct Scene {
     colours: Vec<Colour>,
     boxes: Vec<InstanceBox>,
     bounds: Bounds,
+    has_parents: bool,
 }
 
 /// The world-space box of an instance.
@@ -69,7 +70,8 @@ impl Scene {
         let bounds = boxes.iter().fold(Bounds::EMPTY, |bounds, b| {
             bounds.with_point(b.centre - b.half_extent).with_point(b.centre + b.half_extent)
         });
-        Ok(Self { parts, chunks, chunk_start, instances, colours, boxes, bounds, file })
+        let has_parents = parts.iter().any(PartRow::is_parent);
+        Ok(Self { has_parents, parts, chunks, chunk_start, instances, colours, boxes, bounds, file })
     }
 
     /// The parts.
@@ -80,6 +82,36 @@ impl Scene {
     /// The placements of parts.
     pub fn instances(&self) -> &[InstanceRow] {
         &self.instances
+    }
+
+    /// The instance that is drawn in the place of this one and others where they are finer than need be.
+    pub fn parent_instance(&self, instance: u32) -> Option<u32> {
+        let part = &self.parts[self.instances[instance as usize].part as usize];
+        // The container has checked that the cells of a part are placed together.
+        (!part.is_root()).then(|| instance - part.parent_distance)
+    }
+
+    /// Where the cells that are placed together with an instance, the first of them, end; the next instance for a part
+    /// without parent cells.
+    pub fn placement_end(&self, instance: u32) -> u32 {
+        let source = |number: u32| {
+            let part = &self.parts[self.instances.get(number as usize)?.part as usize];
+            (part.is_parent() || !part.is_root())
+                .then_some((part.source, self.instances[number as usize].part))
+        };
+        let mut end = instance + 1;
+        while let (Some(last), Some(next)) = (source(end - 1), source(end))
+            && last.0 == next.0
+            && last.1 < next.1
+        {
+            end += 1;
+        }
+        end
+    }
+
+    /// Whether any part has parent cells.
+    pub fn has_parents(&self) -> bool {
+        self.has_parents
     }
 
     /// The world-space box of every instance.

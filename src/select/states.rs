@@ -3,6 +3,7 @@
 //! A wish may fall into the middle of a group of vertices that go together. It is rounded down, and what that leaves
 //! of the budget raises others to their next state, in the order of instances, so that the budget is spent.
 
+use super::stand_in::stand_in;
 use crate::scene::Scene;
 use crate::stream::{Residency, State};
 
@@ -38,10 +39,12 @@ impl StateChooser {
         keep: bool,
         states: &mut [State],
     ) -> Choice {
+        let (wishes, replaced) = stand_in(scene, residency, wishes);
+        let wishes = wishes.as_ref();
         let parts: Vec<u32> = scene.instances().iter().map(|instance| instance.part).collect();
         let keep = keep && self.wishes.len() == wishes.len();
         let mut counts = vec![0; wishes.len()];
-        let mut choice = Choice::default();
+        let mut choice = Choice { misses: replaced, ..Choice::default() };
         let mut left = 0i64;
         for (i, &wish) in wishes.iter().enumerate().filter(|&(_, &wish)| wish > 0) {
             let part = residency.part(parts[i]);

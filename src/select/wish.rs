@@ -4,7 +4,7 @@
 //! rows and the same uniform serve the GPU pass and the CPU.
 
 use crate::geometry::record::MAX_PART_VERTICES;
-use crate::gpu::layout::SelectRow;
+use crate::gpu::layout::{NO_PARENT_ROW, SelectRow};
 use crate::gpu::{Gpu, GpuError, readback};
 use crate::passes::select::SelectBuffers;
 use crate::passes::{PrefixSum, Select};
@@ -124,9 +124,9 @@ impl OnGpu {
 
 /// What selection knows of every instance of a scene, in order.
 pub fn select_rows(scene: &Scene) -> Vec<SelectRow> {
-    let instances = scene.instances().iter().zip(scene.boxes());
+    let instances = scene.instances().iter().zip(scene.boxes()).enumerate();
     instances
-        .map(|(instance, bounds)| {
+        .map(|(number, (instance, bounds))| {
             let part = &scene.parts()[instance.part as usize];
             let (centre_high, centre_low) = split(bounds.centre.to_array());
             // The container has checked that both are at most 65,536.
@@ -139,6 +139,9 @@ pub fn select_rows(scene: &Scene) -> Vec<SelectRow> {
                 half_extent: bounds.half_extent.as_vec3().to_array(),
                 error_scale: bounds.diagonal as f32,
                 errors: bytemuck::cast(part.errors),
+                parent: scene.parent_instance(number as u32).unwrap_or(NO_PARENT_ROW),
+                log2_cells: (part.leaf_cells.max(1) as f32).log2(),
+                padding: [0; 2],
             }
         })
         .collect()

@@ -1,9 +1,14 @@
 //! What several tests share: generated meshes and the folder of real models.
 #![allow(dead_code, reason = "each test uses some of it")]
+#![allow(clippy::unwrap_used, reason = "a test that cannot set up its scene should fail loudly")]
 
-use std::path::PathBuf;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
+use collapsar::bake::{BakeOptions, BakeProgress, bake};
 use collapsar::import::SourceMesh;
+use collapsar::scene::Scene;
 
 /// The folder of real models, where there is one.
 pub fn datasets() -> Option<PathBuf> {
@@ -104,4 +109,32 @@ pub fn height_field(n: u32) -> SourceMesh {
         }
     }
     mesh
+}
+
+/// Bakes a file and opens the container.
+pub fn baked(source: &Path) -> Arc<Scene> {
+    let folder = tempfile::tempdir().unwrap();
+    let container = folder.path().join("model.clps");
+    bake(&[source.to_owned()], &container, &BakeOptions::default(), &BakeProgress::default()).unwrap();
+    Arc::new(Scene::open(&container).unwrap())
+}
+
+/// Bakes meshes, their positions and triangles only, beside each other along x.
+pub fn baked_meshes(meshes: &[SourceMesh]) -> Arc<Scene> {
+    let mut text = String::new();
+    let mut base = 1;
+    for (number, mesh) in meshes.iter().enumerate() {
+        writeln!(text, "o mesh{number}").unwrap();
+        for [x, y, z] in &mesh.positions {
+            writeln!(text, "v {} {y} {z}", x + 1.5 * number as f32).unwrap();
+        }
+        for [a, b, c] in mesh.triangles.iter().map(|triangle| triangle.map(|vertex| vertex + base)) {
+            writeln!(text, "f {a} {b} {c}").unwrap();
+        }
+        base += mesh.positions.len() as u32;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let source = folder.path().join("meshes.obj");
+    std::fs::write(&source, text).unwrap();
+    baked(&source)
 }

@@ -134,6 +134,7 @@ pub fn ordered(mesh: &Mesh) -> OrderedPart {
         tiers,
         locked,
         errors: std::array::from_fn(|i| (i * 255 / ERROR_SAMPLES) as u8),
+        place: Default::default(),
         stall: Stall::Boundary,
     }
 }

@@ -1,0 +1,183 @@
+//! Cells and parent cells: any choice of one cell on every path from root to leaf, at any levels, meets without cracks,
+//! and is drawn the same in all ways.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test that cannot set up its scene should fail loudly"
+)]
+
+mod common;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use collapsar::geometry::cell_tree::{drawn_cells, order_cells_to, sums_below};
+use collapsar::geometry::cells::cut_to;
+use collapsar::geometry::record::CellPlace;
+use collapsar::geometry::weld::{WeldedMesh, grid_of, weld};
+use collapsar::geometry::{Boundary, OrderedPart};
+use collapsar::import::SourceMesh;
+use collapsar::scene::Scene;
+use collapsar::select::StateChooser;
+use collapsar::stream::{Residency, State};
+
+type Edge = [[u32; 3]; 2];
+
+/// A number below `end` that looks random.
+fn below(seed: u64, end: u64) -> u64 {
+    let mut x = seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    (x ^ x >> 31) % end
+}
+
+fn edges_of(triangles: impl Iterator<Item = [[u32; 3]; 3]>) -> BTreeMap<Edge, usize> {
+    let mut edges = BTreeMap::new();
+    for [a, b, c] in triangles.filter(|[a, b, c]| a != b && b != c && c != a) {
+        for [from, to] in [[a, b], [b, c], [c, a]] {
+            *edges.entry([from.min(to), from.max(to)]).or_insert(0) += 1;
+        }
+    }
+    edges
+}
+
+fn edges_of_state(cell: &OrderedPart, vn: u32) -> BTreeMap<Edge, usize> {
+    let triangles = cell.reformed(vn).into_iter();
+    edges_of(triangles.map(|t| t.map(|vertex| cell.vertices[usize::from(vertex)].grid())))
+}
+
+fn open_edges(edges: &BTreeMap<Edge, usize>) -> BTreeSet<Edge> {
+    edges.iter().filter(|&(_, &faces)| faces == 1).map(|(&edge, _)| edge).collect()
+}
+
+/// The positions that several leaf cells have.
+fn border(cells: &[OrderedPart]) -> BTreeSet<[u32; 3]> {
+    let mut owners: BTreeMap<[u32; 3], usize> = BTreeMap::new();
+    for cell in cells.iter().filter(|cell| cell.place.leaf_cells == 0) {
+        for position in cell.vertices.iter().map(|vertex| vertex.grid()).collect::<BTreeSet<_>>() {
+            *owners.entry(position).or_default() += 1;
+        }
+    }
+    owners.into_iter().filter(|&(_, owners)| owners > 1).map(|(position, _)| position).collect()
+}
+
+/// Twenty random choices of cells and states: the open edges between border positions are those of the input.
+fn mixes_meet(cells: &[OrderedPart], input: &WeldedMesh) {
+    let places: Vec<CellPlace> = cells.iter().map(|cell| cell.place).collect();
+    let border = border(cells);
+    let whole = edges_of(
+        input.triangles.iter().map(|&t| input.corner_positions(t).map(|p| input.positions[p as usize])),
+    );
+    let open_positions: BTreeSet<[u32; 3]> = open_edges(&whole).into_iter().flatten().collect();
+    let mut refined = BTreeSet::new();
+    for mix in 0..20u64 {
+        let chance = |i: usize, salt: u64| below(mix << 40 | salt << 32 | i as u64, 100);
+        let drawn = drawn_cells(&places, |i| chance(i, 0) < 5 * mix);
+        let mut edges: BTreeMap<Edge, usize> = BTreeMap::new();
+        for (i, cell) in cells.iter().enumerate().filter(|&(i, _)| drawn[i]) {
+            let (q, m) = (u64::from(cell.locked), cell.vertices.len() as u64);
+            let vn = q + below(mix << 40 | 1 << 32 | i as u64, m - q + 1);
+            let vn = cell.triangles_at.state_at_most(vn as usize).max(q as usize) as u32;
+            for (edge, faces) in edges_of_state(cell, vn) {
+                *edges.entry(edge).or_default() += faces;
+            }
+        }
+        refined.insert(drawn.clone());
+        // An open boundary may become coarser, and its new edges may run between border positions that lie on it.
+        let is_crack = |edge: &Edge| {
+            edge.iter().all(|end| border.contains(end))
+                && !edge.iter().all(|end| open_positions.contains(end))
+        };
+        let open = open_edges(&edges);
+        let cracks: Vec<&Edge> = open.iter().filter(|edge| is_crack(edge)).collect();
+        assert!(
+            cracks.is_empty(),
+            "mix {mix}: {} open edges on borders, first {:?}",
+            cracks.len(),
+            cracks[0]
+        );
+        assert!(!open_positions.is_empty() || open.is_empty(), "mix {mix}: {} open edges", open.len());
+    }
+    assert!(refined.len() > 3, "only {} choices of cells", refined.len());
+}
+
+fn cut_into(mesh: &SourceMesh, max_vertices: usize, max_parent: usize) -> (Vec<OrderedPart>, WeldedMesh) {
+    let grid = grid_of(mesh).unwrap();
+    let welded = weld(mesh, grid);
+    let cells = cut_to(welded.clone(), max_vertices, 1 << 20);
+    (order_cells_to(&cells, grid, Boundary::Slide, &(), max_parent), welded)
+}
+
+fn depth(cells: &[OrderedPart]) -> usize {
+    let mut depth = vec![0; cells.len()];
+    for (i, cell) in cells.iter().enumerate().filter(|(_, cell)| cell.place.parent_distance > 0) {
+        depth[i] = depth[i - cell.place.parent_distance as usize] + 1;
+    }
+    depth.into_iter().max().unwrap()
+}
+
+#[test]
+fn a_closed_part_in_cells_is_closed_at_any_mix() {
+    let (cells, input) = cut_into(&common::sphere(64, 64), 300, 700);
+    assert!(depth(&cells) >= 2, "depth {}", depth(&cells));
+    mixes_meet(&cells, &input);
+}
+
+#[test]
+fn an_open_part_in_cells_has_no_cracks_at_any_mix() {
+    for mesh in [common::height_field(70), common::patched_box(24)] {
+        let (cells, input) = cut_into(&mesh, 300, 900);
+        assert!(cells.len() > 8);
+        mixes_meet(&cells, &input);
+    }
+}
+
+#[test]
+fn borders_between_cells_set_no_floor() {
+    let (cells, _) = cut_into(&common::height_field(100), 500, 1 << 16);
+    let leaves: Vec<&OrderedPart> = cells.iter().filter(|cell| cell.place.leaf_cells == 0).collect();
+    let floor: u32 = leaves.iter().map(|cell| cell.coarsest_triangles()).sum();
+    assert!(leaves.len() >= 20 && floor > 500, "{floor} triangles in {} cells", leaves.len());
+    assert_eq!(cells.iter().filter(|cell| cell.place.parent_distance == 0).count(), 1);
+    assert!(cells[0].coarsest_triangles() <= 4, "{} triangles", cells[0].coarsest_triangles());
+    // The finest state of a parent is what its children leave, and it is off by what they are.
+    assert_eq!(u64::from(cells[0].triangle_count()), u64::from(floor));
+    assert!(cells[0].errors[0] > 0);
+    let places: Vec<CellPlace> = cells.iter().map(|cell| cell.place).collect();
+    let triangles = sums_below(&places, |i| cells[i].triangle_count().into());
+    assert_eq!(triangles[0], 2 * 100 * 100);
+}
+
+/// A surface of more than 65,536 vertices, baked from a file: two leaf cells or more, and one root.
+fn cut_scene() -> Arc<Scene> {
+    common::baked_meshes(&[common::height_field(280)])
+}
+
+#[test]
+fn a_parent_stands_in_for_cells_that_have_not_arrived() {
+    let scene = cut_scene();
+    let leaves = scene.parts().iter().filter(|part| !part.is_parent()).count();
+    assert!(scene.has_parents() && leaves >= 2 && scene.parts()[0].is_root());
+    let mut residency = Residency::new(&scene);
+    let coarsest = |part: u32| scene.tiers(part).len() as u32 - 1;
+    let wishes: Vec<u32> =
+        scene.parts().iter().map(|part| if part.is_parent() { 0 } else { part.vertices }).collect();
+    let choose = |residency: &Residency| {
+        let mut states = vec![State::default(); wishes.len()];
+        let choice = StateChooser::default().choose(&scene, residency, &wishes, false, &mut states);
+        (states.iter().map(|state| state.vertices).collect::<Vec<_>>(), choice.misses)
+    };
+    residency.request(0, 0).unwrap();
+    residency.request(1, coarsest(1)).unwrap();
+    residency.settle().unwrap();
+    let mut parent_only = vec![0; wishes.len()];
+    parent_only[0] = scene.parts()[0].vertices;
+    // One leaf has arrived, the others have not: all are replaced, and all are still missed.
+    assert_eq!(choose(&residency), (parent_only, leaves as u32));
+    for part in 1..wishes.len() as u32 {
+        residency.request(part, 0).unwrap();
+    }
+    residency.settle().unwrap();
+    assert_eq!(choose(&residency), (wishes.clone(), 0));
+}

@@ -127,7 +127,7 @@ fn all_ways_draw_the_same_part_in_cells() {
     let scene = common::baked_meshes(&[common::height_field(280), common::height_field(40)]);
     assert!(scene.has_parents());
     // Around the step from the parent to its children.
-    let paths = ["orbit", "through", "teleport"];
+    let paths = ["orbit", "through"];
     let step = scene.parts()[0].vertices;
     for budget_vertices in [step / 2, 2 * step, 20 * step] {
         let settings = Settings { budget_vertices, ..SMALL };

@@ -2,12 +2,13 @@
 
 #![cfg(unix)]
 
-use std::cell::Cell;
 use std::process::{Child, Command};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use collapsar::geometry::Boundary;
-use collapsar::geometry::part::order_part_unless;
+use collapsar::geometry::cell_tree::Watch;
+use collapsar::geometry::part::order_part_watched;
 
 use crate::common::{height_field, patched_box};
 use crate::models::{obj, placed_glb};
@@ -46,15 +47,27 @@ fn an_interrupted_bake_leaves_nothing() {
     }
 }
 
+/// Says at the second question that it is time to stop.
+#[derive(Default)]
+struct StopAtSecond(AtomicUsize);
+
+impl Watch for StopAtSecond {
+    fn stopped(&self) -> bool {
+        self.0.fetch_add(1, Ordering::Relaxed) > 0
+    }
+
+    fn done(&self, _triangles: usize) {}
+}
+
 /// A single part may be the whole model: it is not ordered to its end first.
 #[test]
 fn a_part_of_several_cells_stops_between_two() {
     let large = height_field(260);
     assert!(large.positions.len() > 65_536, "one cell holds it");
-    let asked = Cell::new(0);
-    let stop_at_second = || asked.replace(asked.get() + 1) > 0;
-    let outcome = order_part_unless(&large, Boundary::Slide, &stop_at_second);
-    assert_eq!((asked.get(), outcome.cells.len()), (2, 1));
+    let stop_at_second = StopAtSecond::default();
+    let outcome = order_part_watched(&large, Boundary::Slide, &stop_at_second);
+    // Two cells and no parent are asked for; one goes ahead.
+    assert_eq!((stop_at_second.0.into_inner(), outcome.cells.len()), (2, 1));
 }
 
 #[test]

@@ -31,7 +31,7 @@ fn every_prefix_of_a_ply_file_is_an_error() {
     for ends in ENDS {
         let whole = ply(&made, ends, "float", "uchar", "int");
         // The last number of text may be cut and still be one.
-        let needed = whole.len() - if ends == Ends::Text { 4 } else { 1 };
+        let needed = whole.len() - if ends == Ends::Text { 5 } else { 1 };
         for length in 1..=needed {
             let message = read_text("a.ply", &whole[..length]).unwrap_err();
             let words = ["before all that its header promises", "this is no", "is not a number"];

@@ -20,11 +20,12 @@ use super::{Failure, interrupt, output, values};
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     collapsar bake truck.obj -o truck.clps\n  \
-    collapsar bake hull.glb deck.glb engine.obj -o ship.clps --json\n\n\
+    collapsar bake hull.glb deck.glb engine.obj -o ship.clps --json\n  \
+    collapsar bake dragon.ply.zst -o dragon.clps  unpacked as it is read\n\n\
     With --json, standard output is one object with parts, cells, instances, vertices, triangles, \
     locked_vertices, coarsest_triangles, file_bytes, seconds, peak_rss_bytes and more; lengths are bytes and seconds.")]
 pub struct BakeArguments {
-    /// Models to read: .obj, .gltf, .glb. Several become one assembly.
+    /// Models to read: .obj, .gltf, .glb, .ply, .stl, each also packed as .zst or .gz. Several become one assembly.
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<PathBuf>,
     /// The container to write; it appears when it is complete.

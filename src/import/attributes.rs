@@ -38,6 +38,17 @@ fn encode(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
+/// An sRGB colour in linear light; alpha is linear already.
+pub(super) fn linear_from_srgb([r, g, b, a]: Colour) -> [f32; 4] {
+    [decode(r), decode(g), decode(b), f32::from(a) / 255.0]
+}
+
+/// The inverse of [`encode`] for 8 bits.
+fn decode(channel: u8) -> f32 {
+    let encoded = f32::from(channel) / 255.0;
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -62,5 +73,8 @@ mod tests {
     fn linear_colours_become_srgb() {
         assert_eq!(srgb_from_linear([0.0, 0.215_861, 1.0, 0.5]), [0, 128, 255, 128]);
         assert_eq!(srgb_from_linear([f32::NAN, 7.0, -1.0, 1.0]), [0, 255, 0, 255]);
+        for byte in 0..=255 {
+            assert_eq!(srgb_from_linear(linear_from_srgb([byte; 4])), [byte; 4]);
+        }
     }
 }

@@ -9,7 +9,7 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 pub enum ImportError {
     /// The list of files is empty.
-    #[error("no input file was given; name at least one .obj, .glb or .gltf file")]
+    #[error("no input file was given; name at least one .obj, .glb, .gltf, .ply or .stl file")]
     NoInput,
     /// A file is unusable.
     #[error("{problem}: {}", path.display())]
@@ -35,6 +35,9 @@ pub enum Problem {
     /// The file is missing or may not be read.
     #[error("cannot read the file ({0})")]
     Read(#[source] io::Error),
+    /// The file is packed, and what is in it cannot be had.
+    #[error("cannot unpack the file: {0}")]
+    Packed(String),
     /// A folder or a device.
     #[error("this is not a file")]
     NotAFile,
@@ -75,6 +78,13 @@ pub enum Problem {
         /// What was skipped.
         notes: String,
     },
+}
+
+impl From<io::Error> for Problem {
+    /// The problem that the error carries, if a reader of this folder made it, else [`Problem::Read`].
+    fn from(error: io::Error) -> Self {
+        error.downcast().unwrap_or_else(Self::Read)
+    }
 }
 
 impl Problem {

@@ -8,26 +8,34 @@ mod attributes;
 mod error;
 mod folder;
 mod gltf;
+mod input;
 mod model;
 mod notes;
 mod obj;
+mod ply;
+mod polygon;
+mod stl;
+mod tint;
 
-use std::fs;
 use std::path::{Path, PathBuf};
+
+use glam::DAffine3;
 
 pub use error::{ImportError, Problem};
 pub use model::{Colour, Instance, Material, Model, Node, SourceMesh};
 
-use notes::quoted;
+pub use input::PACKED_EXTENSIONS;
+use input::{Input, extension_of, stem_of};
+use notes::{Notes, quoted};
 
-/// The file extensions that [`read`] knows, in lower case.
-pub const EXTENSIONS: [&str; 3] = ["obj", "glb", "gltf"];
+/// The file extensions that [`read`] knows, in lower case; one of [`PACKED_EXTENSIONS`] may follow.
+pub const EXTENSIONS: [&str; 5] = ["obj", "glb", "gltf", "ply", "stl"];
 
 /// The most placements that a model may have; a file of a few megabytes can ask for billions.
 pub const MAX_INSTANCES: usize = 1 << 24;
 
 /// What reads one format.
-type Importer = fn(&Path) -> Result<Model, Problem>;
+type Importer = fn(&Input<'_>) -> Result<Model, Problem>;
 
 /// Reads files of any known format into one model.
 ///
@@ -43,7 +51,7 @@ pub fn read(paths: &[PathBuf]) -> Result<Model, ImportError> {
         .iter()
         .map(|path| importer_of(path).map_err(|problem| problem.at(path)))
         .collect::<Result<Vec<Importer>, ImportError>>()?;
-    let model = match (paths, &importers[..]) {
+    let mut model = match (paths, &importers[..]) {
         ([], _) => return Err(ImportError::NoInput),
         ([path], [importer]) => read_one(path, *importer)?,
         _ => read_several(paths, &importers)?,
@@ -52,31 +60,30 @@ pub fn read(paths: &[PathBuf]) -> Result<Model, ImportError> {
         let problem = Problem::NoTriangles { notes: model.notes.join("; ") };
         return Err(ImportError::File { problem, path: list_of(paths) });
     }
+    tint::apply(&mut model).map_err(|problem| problem.at(&list_of(paths)))?;
     Ok(model)
 }
 
 /// Picks the importer by extension.
 fn importer_of(path: &Path) -> Result<Importer, Problem> {
-    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    let extension = extension_of(path);
     match extension.as_str() {
         "obj" => Ok(obj::read),
         "glb" | "gltf" => Ok(gltf::read),
-        _ => Err(Problem::UnknownExtension { extension, known: EXTENSIONS.join(", ") }),
+        "ply" => Ok(ply::read),
+        "stl" => Ok(stl::read),
+        _ => Err(Problem::UnknownExtension { extension, known: known_extensions() }),
     }
+}
+
+/// All extensions, in words.
+fn known_extensions() -> String {
+    format!("{}, each also packed as .{}", EXTENSIONS.join(", "), PACKED_EXTENSIONS.join(" or ."))
 }
 
 /// Reads one file, after the checks that all formats share.
 fn read_one(path: &Path, importer: Importer) -> Result<Model, ImportError> {
-    check_file(path).and_then(|()| importer(path)).map_err(|problem| problem.at(path))
-}
-
-/// That there is a file, and something in it.
-fn check_file(path: &Path) -> Result<(), Problem> {
-    let metadata = fs::metadata(path).map_err(Problem::Read)?;
-    if !metadata.is_file() {
-        return Err(Problem::NotAFile);
-    }
-    if metadata.len() == 0 { Err(Problem::Empty) } else { Ok(()) }
+    Input::new(path).and_then(|input| importer(&input)).map_err(|problem| problem.at(path))
 }
 
 /// Reads every file under a root node of its own.
@@ -87,11 +94,6 @@ fn read_several(paths: &[PathBuf], importers: &[Importer]) -> Result<Model, Impo
         append(&mut all, one, stem_of(path)).map_err(|problem| problem.at(path))?;
     }
     Ok(all)
-}
-
-/// The file's name without folder and extension.
-fn stem_of(path: &Path) -> String {
-    path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 /// All paths in one, for a message about all of them.
@@ -114,7 +116,7 @@ fn append(all: &mut Model, one: Model, root_name: String) -> Result<(), Problem>
     );
     // Every model's material 0 is the default, which `all` has already.
     all.materials.extend(one.materials.into_iter().skip(1));
-    all.meshes.extend(one.meshes);
+    all.meshes.extend(one.meshes.into_iter().map(|mesh| SourceMesh { body: mesh_base + mesh.body, ..mesh }));
     all.instances.extend(one.instances.into_iter().map(|instance| Instance {
         mesh: mesh_base + instance.mesh,
         node: root + 1 + instance.node,
@@ -134,6 +136,19 @@ fn check_instance_count(count: usize) -> Result<(), Problem> {
     if count > MAX_INSTANCES { Err(Problem::TooMany { what: "placements" }) } else { Ok(()) }
 }
 
+/// A model of one mesh, placed once at a node of the same name.
+fn model_of_one(mut mesh: SourceMesh, name: String, notes: Notes) -> Model {
+    mesh.name.clone_from(&name);
+    let instance = Instance { mesh: 0, node: 0, material: 0, world_from_part: DAffine3::IDENTITY };
+    Model {
+        meshes: vec![mesh],
+        instances: vec![instance],
+        nodes: vec![Node { name, parent: None }],
+        materials: vec![Material::default()],
+        notes: notes.into_lines(),
+    }
+}
+
 /// The name of the `nth` mesh of an object: the object's own, but cut after the first, so that one long name
 /// that many meshes share takes no room that the file does not take.
 fn part_name(name: &str, nth: usize) -> String {
@@ -143,8 +158,6 @@ fn part_name(name: &str, nth: usize) -> String {
 
 #[cfg(test)]
 mod tests {
-    use glam::DAffine3;
-
     use super::*;
 
     fn triangle(name: &str) -> Model {
@@ -175,6 +188,7 @@ mod tests {
         let parents: Vec<_> = all.nodes.iter().map(|node| node.parent).collect();
         assert_eq!(parents, [None, Some(0), Some(1), None, Some(3), Some(4)]);
         let of_instances: Vec<_> = all.instances.iter().map(|i| (i.mesh, i.node, i.material)).collect();
+        assert_eq!(all.meshes[1].body, 1);
         assert_eq!(of_instances, [(0, 2, 0), (0, 2, 1), (1, 5, 0), (1, 5, 2)]);
         assert_eq!(all.materials[2].name, "b");
         assert_eq!(all.notes, ["\"first\": odd", "\"second\": odd"]);
@@ -183,7 +197,10 @@ mod tests {
     #[test]
     fn extension_is_matched_in_any_case() {
         assert!(importer_of(Path::new("a/B.GLB")).is_ok());
+        assert!(importer_of(Path::new("a/B.Stl.ZST")).is_ok());
         let message = importer_of(Path::new("a/b.step")).unwrap_err().to_string();
-        assert_eq!(message, "unknown extension \"step\"; known are obj, glb, gltf");
+        let known = "obj, glb, gltf, ply, stl, each also packed as .zst or .gz";
+        assert_eq!(message, format!("unknown extension \"step\"; known are {known}"));
+        assert!(importer_of(Path::new("a/b.zst")).is_err(), "packed, but what?");
     }
 }

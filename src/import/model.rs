@@ -25,11 +25,16 @@ pub struct Model {
 pub struct SourceMesh {
     /// The name in the file; may be empty, may repeat.
     pub name: String,
+    /// Which mesh of the file it is of, as the number of the first mesh of the same body. Meshes of one body (a
+    /// mesh of several materials is one) share a space and are placed together; the bake keeps the borders
+    /// between them closed.
+    pub body: u32,
     /// Positions, one per vertex; all finite.
     pub positions: Vec<[f32; 3]>,
     /// Unit normals, one per vertex, or empty where the file has none: the bake then makes them by crease angle.
     pub normals: Vec<[f32; 3]>,
-    /// sRGB vertex colours, one per vertex, or empty.
+    /// sRGB vertex colours, one per vertex, or empty. The base colour of the material is multiplied in already; the
+    /// materials of all placements of a coloured mesh are white.
     pub colours: Vec<Colour>,
     /// Three vertex indices a triangle, counter-clockwise seen from outside; all below `positions.len()`.
     pub triangles: Vec<[u32; 3]>,

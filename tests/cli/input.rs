@@ -207,8 +207,49 @@ fn a_pipe_is_no_model_and_is_not_waited_for() {
 
 #[test]
 fn an_unknown_extension_is_named_with_the_known_ones() {
-    bake_fails("model.step", TRIANGLE, &["unknown extension \"step\"", "obj, glb, gltf"]);
-    bake_fails("model", TRIANGLE, &["unknown extension \"\"", "obj, glb, gltf"]);
+    bake_fails("model.step", TRIANGLE, &["unknown extension \"step\"", "obj, glb, gltf, ply, stl"]);
+    bake_fails("model", TRIANGLE, &["unknown extension \"\"", "obj, glb, gltf, ply, stl"]);
+}
+
+/// A square of two triangles as PLY.
+const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+    property uchar red\nproperty uchar green\nproperty uchar blue\nelement face 1\n\
+    property list uchar int vertex_indices\nend_header\n0 0 0 255 0 0\n1 0 0 0 255 0\n1 1 0 0 0 255\n0 1 0 9 9 9\n\
+    4 0 1 2 3\n";
+
+/// One triangle as STL.
+const STL: &str = "solid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n";
+
+#[test]
+fn every_format_and_packing_bakes_from_end_to_end() {
+    let zstd = |text: &str| zstd::encode_all(text.as_bytes(), 1).unwrap();
+    let gzip = |text: &str| {
+        let mut packed = Vec::new();
+        let mut encoder = flate2::read::GzEncoder::new(text.as_bytes(), flate2::Compression::fast());
+        std::io::Read::read_to_end(&mut encoder, &mut packed).unwrap();
+        packed
+    };
+    for (name, content, triangles) in [
+        ("x.ply", PLY.into(), 2),
+        ("x.stl", STL.into(), 1),
+        ("x.obj.zst", zstd(SQUARE), 2),
+        ("x.ply.gz", gzip(PLY), 2),
+        ("x.stl.zst", zstd(STL), 1),
+        ("x.glb.gz", gzip(""), 0),
+    ] {
+        if triangles == 0 {
+            bake_fails(name, content, &["malformed"]);
+        } else {
+            assert_eq!(baked(name, content)["triangles"], triangles, "{name}");
+        }
+    }
+}
+
+#[test]
+fn packed_files_that_cannot_be_unpacked_are_refused() {
+    bake_fails("x.obj.zst", TRIANGLE, &["cannot unpack the file", "zstd"]);
+    bake_fails("x.obj.gz", TRIANGLE, &["cannot unpack the file", "gzip"]);
+    bake_fails("x.zst", TRIANGLE, &["unknown extension \"\"", "each also packed as .zst or .gz"]);
 }
 
 #[test]

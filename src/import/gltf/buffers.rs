@@ -1,6 +1,7 @@
 //! The buffers that a document names in, their bytes out.
 
 use std::borrow::Cow;
+use std::cell::{Cell, OnceCell};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -8,7 +9,9 @@ use ::gltf::json::{Buffer, Index, Root, buffer::View};
 use rustc_hash::FxHashMap;
 
 use super::base64;
+use super::compressed::{self, Compressed};
 use super::document::Document;
+use crate::import::input::{Limit, memory_at_hand};
 use crate::import::notes::quoted;
 use crate::import::{Problem, folder};
 
@@ -17,6 +20,11 @@ pub struct Buffers<'a> {
     contents: Vec<Cow<'a, [u8]>>,
     /// For each buffer its place in `contents` (several may share one file) and its length.
     buffers: Vec<(usize, usize)>,
+    compressed: Compressed,
+    /// The decoded bytes of each buffer view that is compressed and was asked for.
+    decoded: Vec<OnceCell<Result<Vec<u8>, String>>>,
+    /// How many more bytes may be decoded.
+    decoded_left: Cell<u64>,
 }
 
 /// Fetches all buffers of a document that was read from `path`: the binary chunk, `data:` URIs, and files in
@@ -27,11 +35,21 @@ pub struct Buffers<'a> {
 /// [`Problem::Reference`] for a file that is missing or elsewhere, [`Problem::Malformed`] for a buffer that
 /// holds less than the document says.
 pub fn load<'a>(document: &Document<'a>, path: &Path) -> Result<Buffers<'a>, Problem> {
-    let mut buffers =
-        Buffers { contents: vec![Cow::Borrowed(document.blob.unwrap_or_default())], buffers: Vec::new() };
+    let mut buffers = Buffers {
+        contents: vec![Cow::Borrowed(document.blob.unwrap_or_default())],
+        buffers: Vec::new(),
+        compressed: Compressed::of(document)?,
+        decoded: vec![OnceCell::new(); document.root.buffer_views.len()],
+        decoded_left: Cell::new(0),
+    };
     let mut files = FxHashMap::default();
     for (index, buffer) in document.root.buffers.iter().enumerate() {
         let place = match &buffer.uri {
+            _ if buffers.compressed.is_fallback(index) => {
+                // The bytes that it stands for are in compressed views.
+                buffers.buffers.push((0, 0));
+                continue;
+            }
             Some(uri) => buffers.fetch(uri, path, &mut files)?,
             None => 0,
         };
@@ -46,6 +64,7 @@ pub fn load<'a>(document: &Document<'a>, path: &Path) -> Result<Buffers<'a>, Pro
         };
         buffers.buffers.push((place, length));
     }
+    buffers.decoded_left.set(Limit::of(buffers.content_bytes() as u64, memory_at_hand()).bytes);
     Ok(buffers)
 }
 
@@ -70,13 +89,19 @@ impl Buffers<'_> {
         if let Some(&place) = files.get(&file) {
             return Ok(place);
         }
-        self.contents.push(Cow::Owned(fs::read(&file).map_err(Problem::Read)?));
+        self.contents.push(Cow::Owned(fs::read(&file)?));
         files.insert(file, self.contents.len() - 1);
         Ok(self.contents.len() - 1)
     }
 
-    /// How many bytes there are in all.
+    /// How many bytes there are in all, and elements of compressed views.
     pub fn total_bytes(&self) -> usize {
+        // No more elements than data could mean: the document may promise any number.
+        let bytes = self.content_bytes();
+        bytes + self.compressed.element_count().min(bytes.saturating_mul(4))
+    }
+
+    fn content_bytes(&self) -> usize {
         self.contents.iter().map(|content| content.len()).sum()
     }
 
@@ -84,6 +109,11 @@ impl Buffers<'_> {
     pub fn view(&self, root: &Root, index: Index<View>) -> Result<(&[u8], Option<usize>), Problem> {
         let malformed = |what: &str| Problem::Malformed(format!("buffer view {index} {what}"));
         let view = root.buffer_views.get(index.value()).ok_or_else(|| malformed("is not there"))?;
+        let stride = view.byte_stride.map(|stride| stride.0).filter(|&stride| stride > 0);
+        if let Some(compressed) = self.compressed.view(index.value()) {
+            let decoded = self.decoded[index.value()].get_or_init(|| self.decode(compressed));
+            return decoded.as_ref().map(|bytes| (&bytes[..], stride)).map_err(|what| malformed(what));
+        }
         let bytes = self.buffer(view.buffer).ok_or_else(|| malformed("names a buffer that is not there"))?;
         let offset = usize::try_from(view.byte_offset.map_or(0, |offset| offset.0)).ok();
         let length = usize::try_from(view.byte_length.0).ok();
@@ -93,7 +123,21 @@ impl Buffers<'_> {
             let (length, whole) = (view.byte_length.0, bytes.len());
             malformed(&format!("of {length} bytes lies beyond the end of its buffer of {whole}"))
         })?;
-        Ok((range, view.byte_stride.map(|stride| stride.0).filter(|&stride| stride > 0)))
+        Ok((range, stride))
+    }
+
+    /// Decodes a compressed view.
+    fn decode(&self, view: &compressed::View) -> Result<Vec<u8>, String> {
+        let buffer =
+            self.buffer(Index::new(view.buffer as u32)).filter(|_| u32::try_from(view.buffer).is_ok());
+        let range = view.byte_offset.checked_add(view.byte_length).map(|end| view.byte_offset..end);
+        let bytes = buffer.zip(range).and_then(|(buffer, range)| buffer.get(range));
+        let bytes = bytes.ok_or("has compressed data that lie beyond the end of their buffer")?;
+        let length = view.decoded_bytes(bytes)?;
+        let left = self.decoded_left.get().checked_sub(length);
+        self.decoded_left
+            .set(left.ok_or("unpacks, with those before it, to more than the memory at hand allows")?);
+        view.decode(bytes)
     }
 
     fn buffer(&self, index: Index<Buffer>) -> Option<&[u8]> {

@@ -16,10 +16,12 @@ pub struct Document<'a> {
     pub blob: Option<&'a [u8]>,
 }
 
-/// Extensions that may be required because what they change is read (quantised attributes) or is not drawn
-/// (textures, lights); so are all whose name begins with [`MATERIALS`].
-const HARMLESS: [&str; 7] = [
+/// Extensions that may be required because what they change is read (quantised attributes, compressed views) or is not
+/// drawn (textures, lights); so are all whose name begins with [`MATERIALS`].
+const HARMLESS: [&str; 9] = [
     "KHR_mesh_quantization",
+    "EXT_meshopt_compression",
+    "KHR_meshopt_compression",
     "KHR_texture_transform",
     "KHR_texture_basisu",
     "EXT_texture_webp",

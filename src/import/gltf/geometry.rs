@@ -119,7 +119,7 @@ impl<'a> Geometry<'a> {
         let positions = vertices.iter().map(|&vertex| positions.triple(vertex as usize)).collect();
         let normals = self.normals(key.normals, &vertices, name)?;
         let colours = self.colours(key.colours, &vertices, name)?;
-        Ok(Some(SourceMesh { name: String::new(), positions, normals, colours, triangles }))
+        Ok(Some(SourceMesh { positions, normals, colours, triangles, ..SourceMesh::default() }))
     }
 
     fn spend(&mut self, corner_count: usize) -> Result<(), Problem> {

@@ -1,6 +1,7 @@
 //! A glTF 2.0 or GLB file in, a [`Model`] out.
 //!
-//! [`document`] opens the container and the JSON, [`buffers`] fetches the bytes, [`accessor`] reads numbers
+//! [`document`] opens the container and the JSON, [`buffers`] fetches the bytes, [`compressed`] unpacks some of
+//! them, [`accessor`] reads numbers
 //! out of them, [`geometry`] makes a mesh of a primitive, [`nodes`] walks the tree, and this module places
 //! one at the other.
 //!
@@ -11,18 +12,17 @@
 mod accessor;
 mod base64;
 mod buffers;
+mod compressed;
 mod document;
 mod geometry;
 mod materials;
 mod nodes;
 
-use std::fs;
-use std::path::Path;
-
 use ::gltf::json::Root;
 use ::gltf::json::mesh::Primitive;
 use rustc_hash::FxHashMap;
 
+use super::input::Input;
 use super::notes::{Notes, quoted};
 use super::{Instance, Material, Model, Problem, check_instance_count, index_of, part_name};
 use buffers::Buffers;
@@ -36,10 +36,10 @@ use nodes::Placed;
 /// [`Problem`] for a container, JSON, buffer or accessor that does not hold together, a node tree that is
 /// none, or a required extension that is not supported. Primitives that are no triangles, triangles with bad
 /// corners, and placements that are not finite are skipped and noted.
-pub(super) fn read(path: &Path) -> Result<Model, Problem> {
-    let bytes = fs::read(path).map_err(Problem::Read)?;
+pub(super) fn read(input: &Input<'_>) -> Result<Model, Problem> {
+    let bytes = input.read_all()?;
     let document = document::parse(&bytes)?;
-    let buffers = buffers::load(&document, path)?;
+    let buffers = buffers::load(&document, input.path)?;
     let placed = nodes::walk(&document.root)?;
     let materials = materials::read(&document);
     Importer::new(&document.root, &buffers, materials).import(placed)
@@ -92,12 +92,17 @@ impl<'a> Importer<'a> {
         }
         let part = mesh.name.as_ref().filter(|own| !own.is_empty()).unwrap_or(name);
         check_instance_count(self.model.instances.len() + mesh.primitives.len())?;
+        let new = self.model.meshes.len();
+        let mut body = index_of(new)?;
         for (nth, primitive) in mesh.primitives.iter().enumerate() {
             let Some(mesh) = self.mesh_of(primitive, part, nth)? else { continue };
+            // A mesh that shares some of its geometry with an earlier one is of that one's body.
+            body = self.model.meshes[..new].get(mesh as usize).map_or(body, |known| body.min(known.body));
             let material = self.material_of(primitive, part);
             let instance = Instance { mesh, node: number, material, world_from_part: placed.world };
             self.model.instances.push(instance);
         }
+        self.model.meshes[new..].iter_mut().for_each(|mesh| mesh.body = body);
         Ok(())
     }
 

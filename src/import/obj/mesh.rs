@@ -2,9 +2,9 @@
 
 use rustc_hash::FxHashMap;
 
-use super::polygon::Triangulator;
 use crate::import::attributes::{WHITE, channel, is_usable, unit};
 use crate::import::notes::Notes;
+use crate::import::polygon::Triangulator;
 use crate::import::{Colour, SourceMesh};
 
 /// Builds the mesh of a chunk, without a name.

@@ -7,17 +7,13 @@
 mod materials;
 mod mesh;
 mod normalise;
-mod polygon;
-
-use std::fs::File;
-use std::io::BufReader;
-use std::path::Path;
 
 use glam::DAffine3;
 use rustc_hash::FxHashMap;
 
+use super::input::{Input, stem_of};
 use super::notes::{Notes, quoted};
-use super::{Instance, Model, Node, Problem, SourceMesh, index_of, part_name, stem_of};
+use super::{Instance, Model, Node, Problem, SourceMesh, index_of, part_name};
 use materials::Materials;
 use normalise::{Chunk, Names, Normaliser};
 
@@ -27,9 +23,9 @@ use normalise::{Chunk, Names, Normaliser};
 ///
 /// [`Problem::Line`] for a vertex that is no three numbers, [`Problem::Read`] if the file cannot be read. Bad
 /// faces are skipped and noted.
-pub(super) fn read(path: &Path) -> Result<Model, Problem> {
-    let coloured = normalise::has_vertex_colours(open(path)?).map_err(Problem::Read)?;
-    let mut text = Normaliser::new(open(path)?, coloured);
+pub(super) fn read(input: &Input<'_>) -> Result<Model, Problem> {
+    let coloured = normalise::has_vertex_colours(input.open()?)?;
+    let mut text = Normaliser::new(input.open()?, coloured);
     let options = tobj::LoadOptions::default();
     // The normaliser keeps `mtllib` lines to itself, so the loader is never asked.
     let loaded = tobj::load_obj_buf(&mut text, &options, |_| Err(tobj::LoadError::OpenFileFailed));
@@ -38,8 +34,8 @@ pub(super) fn read(path: &Path) -> Result<Model, Problem> {
         loaded.map_err(|error| Problem::Malformed(format!("the OBJ text is malformed ({error})")))?;
 
     let mut notes = parsed.notes;
-    let materials = materials::read(path, &parsed.libraries, &mut notes);
-    let mut assembly = Assembly::new(materials, &parsed.names, stem_of(path));
+    let materials = materials::read(input.path, &parsed.libraries, &mut notes);
+    let mut assembly = Assembly::new(materials, &parsed.names, stem_of(input.path));
     for (chunk, meshes) in parsed.chunks.iter().zip(by_chunk(models, parsed.chunks.len())) {
         let mesh = mesh::build(&meshes, &mut notes);
         if !mesh.triangles.is_empty() {
@@ -49,10 +45,6 @@ pub(super) fn read(path: &Path) -> Result<Model, Problem> {
     let mut model = assembly.model;
     model.notes = notes.into_lines();
     Ok(model)
-}
-
-fn open(path: &Path) -> Result<BufReader<File>, Problem> {
-    Ok(BufReader::with_capacity(1 << 16, File::open(path).map_err(Problem::Read)?))
 }
 
 /// Sorts what `tobj` returned by the chunk numbers that the normaliser gave it as names.
@@ -82,6 +74,8 @@ struct Assembly<'a> {
 struct Placed {
     node: u32,
     parts: usize,
+    /// The first of these parts.
+    body: u32,
 }
 
 impl<'a> Assembly<'a> {
@@ -96,15 +90,14 @@ impl<'a> Assembly<'a> {
         let node = &self.model.nodes[placed.node as usize];
         mesh.name = part_name(&node.name, placed.parts);
         let material = self.material_of(chunk, notes);
-        let instance = Instance {
-            mesh: index_of(self.model.meshes.len())?,
-            node: placed.node,
-            material,
-            world_from_part: DAffine3::IDENTITY,
-        };
+        let number = index_of(self.model.meshes.len())?;
+        mesh.body = if placed.parts == 0 { number } else { placed.body };
+        let body = mesh.body;
+        let instance =
+            Instance { mesh: number, node: placed.node, material, world_from_part: DAffine3::IDENTITY };
         self.model.meshes.push(mesh);
         self.model.instances.push(instance);
-        self.nodes.insert((chunk.object, chunk.group), Placed { parts: placed.parts + 1, ..placed });
+        self.nodes.insert((chunk.object, chunk.group), Placed { parts: placed.parts + 1, body, ..placed });
         Ok(())
     }
 
@@ -121,7 +114,7 @@ impl<'a> Assembly<'a> {
             0 => self.stem.clone(),
             named => self.names.get(named).to_owned(),
         };
-        let placed = Placed { node: index_of(self.model.nodes.len())?, parts: 0 };
+        let placed = Placed { node: index_of(self.model.nodes.len())?, parts: 0, body: 0 };
         self.model.nodes.push(Node { name, parent });
         self.nodes.insert((object, group), placed);
         Ok(placed)

@@ -12,6 +12,7 @@ use std::io::{self, BufRead, Read};
 use rustc_hash::FxHashMap;
 
 use crate::import::Problem;
+use crate::import::input::read_line;
 use crate::import::notes::{Notes, quoted};
 
 /// Which object, group and material faces belong to, as numbers of [`Names`]; 0 stands for none.
@@ -115,7 +116,7 @@ impl<R: BufRead> Normaliser<R> {
         self.statement.clear();
         self.line = self.last_line + 1;
         loop {
-            if self.input.read_until(b'\n', &mut self.statement)? == 0 {
+            if !read_line(&mut self.input, &mut self.statement)? {
                 return Ok(!self.statement.is_empty());
             }
             self.last_line += 1;
@@ -308,7 +309,7 @@ impl<R: BufRead> BufRead for Normaliser<R> {
             && let Err(error) = self.refill()
         {
             let kind = error.kind();
-            self.problem.get_or_insert(Problem::Read(error));
+            self.problem.get_or_insert(Problem::from(error));
             return Err(kind.into());
         }
         Ok(&self.output.as_bytes()[self.taken..])
@@ -369,7 +370,7 @@ pub fn has_vertex_colours(mut input: impl BufRead) -> io::Result<bool> {
     let mut line = Vec::new();
     loop {
         line.clear();
-        if input.read_until(b'\n', &mut line)? == 0 {
+        if !read_line(&mut input, &mut line)? {
             return Ok(false);
         }
         // A vertex without colour is told by its few words, without reading numbers.

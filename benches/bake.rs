@@ -12,8 +12,8 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use collapsar::geometry::Boundary;
+use collapsar::geometry::body::order_part;
 use collapsar::geometry::normals::{CREASE_DEGREES, by_crease_angle};
-use collapsar::geometry::part::order_part;
 use collapsar::import::{self, SourceMesh};
 
 /// Triangles per second and core that any machine this is worth running on reaches.

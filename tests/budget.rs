@@ -13,7 +13,7 @@ use std::sync::atomic::AtomicBool;
 
 use collapsar::container::{Contents, StoredInstance, StoredPart, write};
 use collapsar::geometry::Boundary;
-use collapsar::geometry::part::order_part;
+use collapsar::geometry::body::order_part;
 use collapsar::import::{Material, Node};
 use collapsar::reference::select::{SelectView, select};
 use collapsar::scene::{CameraPath, Scene};

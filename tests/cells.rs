@@ -106,7 +106,7 @@ fn cut_into(mesh: &SourceMesh, max_vertices: usize, max_parent: usize) -> (Vec<O
     let grid = grid_of(mesh).unwrap();
     let welded = weld(mesh, grid);
     let cells = cut_to(welded.clone(), max_vertices, 1 << 20);
-    (order_cells_to(&cells, grid, Boundary::Slide, &(), max_parent), welded)
+    (order_cells_to(cells, &Default::default(), grid, Boundary::Slide, &(), max_parent), welded)
 }
 
 fn depth(cells: &[OrderedPart]) -> usize {

@@ -13,11 +13,11 @@ mod common;
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use collapsar::geometry::body::order_part;
 use collapsar::geometry::cells;
 use collapsar::geometry::collapse::{Boundary, CollapseOrder, Target, collapse_order, flip_limit};
 use collapsar::geometry::normals::{CREASE_DEGREES, by_crease_angle};
 use collapsar::geometry::order::{OrderedMesh, arrange};
-use collapsar::geometry::part::order_part;
 use collapsar::geometry::weld::{WeldedMesh, grid_of, weld};
 use collapsar::import::SourceMesh;
 use proptest::prelude::*;

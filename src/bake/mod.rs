@@ -1,7 +1,7 @@
 //! Input files in, a container and a [`BakeReport`] out.
 //!
-//! The way: import -> normals where there are none -> [`order_part`](crate::geometry::part::order_part) for every part in parallel, the largest first so
-//! that no core waits for one at the end -> container. The bytes written do not depend on the number of threads.
+//! The way: import -> normals where there are none -> [`order_body`] for every body in parallel, the largest first, and
+//! for the cells of large parts, so that no core waits for one at the end -> container. The bytes written do not depend on the number of threads.
 
 mod report;
 
@@ -12,10 +12,9 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use crate::container::{self, ContainerError, Contents, StoredInstance, StoredPart};
-use crate::geometry::Boundary;
+use crate::geometry::body::{OrderOptions, PartOutcome, order_body};
 use crate::geometry::cell_tree::Watch;
 use crate::geometry::normals::{CREASE_DEGREES, by_crease_angle};
-use crate::geometry::part::{PartOutcome, order_part_watched};
 use crate::import::{self, ImportError, Model, SourceMesh};
 
 pub use report::{BakeReport, StalledPart};
@@ -53,8 +52,8 @@ pub enum BakeError {
 /// How to bake.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BakeOptions {
-    /// What may happen to open boundaries.
-    pub boundary: Boundary,
+    /// How meshes are welded and ordered.
+    pub order: OrderOptions,
     /// Where normals are missing, faces that meet at less than this angle are smooth.
     pub crease_degrees: f32,
     /// Worker threads; 0 for one a core.
@@ -63,7 +62,7 @@ pub struct BakeOptions {
 
 impl Default for BakeOptions {
     fn default() -> Self {
-        Self { boundary: Boundary::default(), crease_degrees: CREASE_DEGREES, threads: 0 }
+        Self { order: OrderOptions::default(), crease_degrees: CREASE_DEGREES, threads: 0 }
     }
 }
 
@@ -107,10 +106,10 @@ pub fn bake(
 ) -> Result<BakeReport, BakeError> {
     let started = Instant::now();
     container::check_destination(output)?;
-    let model = import::read(inputs)?;
+    let mut model = import::read(inputs)?;
     let import_seconds = started.elapsed().as_secs_f64();
     progress.check()?;
-    let outcomes = order_all(&model, options, progress)?;
+    let outcomes = order_all(&mut model, options, progress)?;
     let order_seconds = started.elapsed().as_secs_f64() - import_seconds;
     let mut report = report::counted(&model, &outcomes);
     let contents = assemble(model, outcomes);
@@ -126,53 +125,73 @@ pub fn bake(
     Ok(report)
 }
 
-/// Orders every mesh that an instance places; `None` for the others.
+/// The meshes of one body, taken out of the model, with their numbers there.
+type Body = Vec<(usize, SourceMesh)>;
+
+/// Orders every mesh that an instance places; `None` for the others. The model keeps the meshes' names only, so that
+/// memory is given back as they are done.
 fn order_all(
-    model: &Model,
+    model: &mut Model,
     options: &BakeOptions,
     progress: &BakeProgress,
 ) -> Result<Vec<Option<PartOutcome>>, BakeError> {
-    let mut placed = vec![false; model.meshes.len()];
-    for instance in &model.instances {
-        placed[instance.mesh as usize] = true;
-    }
-    let mut largest_first: Vec<usize> = (0..model.meshes.len()).filter(|&mesh| placed[mesh]).collect();
-    largest_first.sort_by_key(|&mesh| (std::cmp::Reverse(model.meshes[mesh].triangles.len()), mesh));
-    let total: usize = largest_first.iter().map(|&mesh| model.meshes[mesh].triangles.len()).sum();
+    let mut outcomes: Vec<Option<PartOutcome>> = model.meshes.iter().map(|_| None).collect();
+    let largest_first = take_bodies(model);
+    let total: usize = largest_first.iter().map(triangles_of).sum();
     progress.triangles_total.store(total as u64, Ordering::Relaxed);
 
     let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build();
     let pool = pool.map_err(|source| BakeError::Threads { threads: options.threads, source })?;
-    let ordered: Result<Vec<(usize, PartOutcome)>, BakeError> = pool.install(|| {
+    let ordered: Result<Vec<Vec<(usize, PartOutcome)>>, BakeError> = pool.install(|| {
         largest_first
-            .par_iter()
+            .into_par_iter()
             .with_max_len(1)
-            .map(|&mesh| Ok((mesh, order_one(&model.meshes[mesh], options, progress)?)))
+            .map(|body| {
+                progress.check()?;
+                order_one(body, options, progress)
+            })
             .collect()
     });
-    let mut outcomes = vec![None; model.meshes.len()];
-    for (mesh, outcome) in ordered? {
+    for (mesh, outcome) in ordered?.into_iter().flatten() {
         outcomes[mesh] = Some(outcome);
     }
     Ok(outcomes)
 }
 
+fn triangles_of(body: &Body) -> usize {
+    body.iter().map(|(_, mesh)| mesh.triangles.len()).sum()
+}
+
+/// Takes out the meshes that are placed, grouped to bodies, the largest body first.
+fn take_bodies(model: &mut Model) -> Vec<Body> {
+    let mut placed = vec![false; model.meshes.len()];
+    for instance in &model.instances {
+        placed[instance.mesh as usize] = true;
+    }
+    let mut bodies: Vec<Body> = model.meshes.iter().map(|_| Vec::new()).collect();
+    for (number, mesh) in model.meshes.iter_mut().enumerate().filter(|&(number, _)| placed[number]) {
+        let name = mesh.name.clone();
+        let taken = std::mem::replace(mesh, SourceMesh { name, ..SourceMesh::default() });
+        bodies[taken.body as usize].push((number, taken));
+    }
+    bodies.retain(|body| !body.is_empty());
+    bodies.sort_by_key(|body| (std::cmp::Reverse(triangles_of(body)), body[0].0));
+    bodies
+}
+
 fn order_one(
-    mesh: &SourceMesh,
+    mut body: Body,
     options: &BakeOptions,
     progress: &BakeProgress,
-) -> Result<PartOutcome, BakeError> {
-    progress.check()?;
-    let outcome = if mesh.normals.is_empty() {
-        let mut mesh = mesh.clone();
-        by_crease_angle(&mut mesh, options.crease_degrees);
-        order_part_watched(&mesh, options.boundary, progress)
-    } else {
-        order_part_watched(mesh, options.boundary, progress)
-    };
+) -> Result<Vec<(usize, PartOutcome)>, BakeError> {
+    for (_, mesh) in body.iter_mut().filter(|(_, mesh)| mesh.normals.is_empty()) {
+        by_crease_angle(mesh, options.crease_degrees);
+    }
+    let (numbers, meshes): (Vec<usize>, Vec<SourceMesh>) = body.into_iter().unzip();
+    let outcomes = order_body(meshes, options.order, progress);
     // What was stopped lacks cells.
     progress.check()?;
-    Ok(outcome)
+    Ok(numbers.into_iter().zip(outcomes).collect())
 }
 
 /// Numbers the parts (every cell of a cut part is one) and places them.

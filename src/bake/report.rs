@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use crate::container::{Contents, Written};
 use crate::geometry::OrderedPart;
-use crate::geometry::part::PartOutcome;
+use crate::geometry::body::PartOutcome;
 use crate::geometry::record::{CellPlace, Stall};
 use crate::import::Model;
 

@@ -9,6 +9,7 @@ use clap::Args;
 use collapsar::bake::{BakeError, BakeOptions, BakeProgress, BakeReport, bake};
 use collapsar::container::MAGIC;
 use collapsar::geometry::Boundary;
+use collapsar::geometry::body::OrderOptions;
 use collapsar::geometry::normals::CREASE_DEGREES;
 use collapsar::geometry::record::Stall;
 use collapsar::stats::report::human;
@@ -37,6 +38,10 @@ pub struct BakeArguments {
     /// Where a file has no normals, faces that meet at less than this angle (in degrees) are smooth.
     #[arg(long, value_name = "DEGREES", default_value_t = f64::from(CREASE_DEGREES), value_parser = values::positive)]
     crease: f64,
+    /// Close gaps: positions on open edges at most so far apart, in the model's unit of length, become one; 0 leaves all
+    /// but equal ones apart. By default the step of the part's own grid, about a two-millionth of its size.
+    #[arg(long, value_name = "TOLERANCE", value_parser = values::not_negative)]
+    weld: Option<f64>,
     /// Worker threads; 0 for one a core. The bytes written are the same.
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1024))]
     threads: u16,
@@ -54,9 +59,12 @@ enum BoundaryArgument {
 /// Runs `bake`.
 pub fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     let options = BakeOptions {
-        boundary: match arguments.boundary {
-            BoundaryArgument::Slide => Boundary::Slide,
-            BoundaryArgument::Lock => Boundary::Lock,
+        order: OrderOptions {
+            boundary: match arguments.boundary {
+                BoundaryArgument::Slide => Boundary::Slide,
+                BoundaryArgument::Lock => Boundary::Lock,
+            },
+            weld_tolerance: arguments.weld,
         },
         crease_degrees: arguments.crease as f32,
         threads: arguments.threads.into(),

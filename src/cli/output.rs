@@ -63,7 +63,9 @@ pub fn write_whole(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> std::io::Result<()>,
 ) -> Result<(), Failure> {
-    let failed = |cause| match interrupt::flag().load(Ordering::Relaxed) {
+    // From before the file exists, so that no signal finds it without a handler.
+    let interrupted = interrupt::flag();
+    let failed = |cause| match interrupted.load(Ordering::Relaxed) {
         true => Failure::Interrupted("this file was not written"),
         false => Failure::Output { doing: "write", cause, path: path.to_owned() },
     };

@@ -83,3 +83,11 @@ mod tests {
         assert!(ratio("1.5").is_err() && ratio("0").is_err() && ratio("0.5").is_ok());
     }
 }
+
+/// Zero or a number above it.
+pub fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number >= 0.0 && number.is_finite() => Ok(number),
+        _ => Err("must be 0 or a number above it".to_owned()),
+    }
+}

@@ -80,8 +80,7 @@ pub struct EdgeCounts {
 }
 
 /// Counts open positions and non-manifold edges.
-pub fn edge_counts(mesh: &WeldedMesh) -> EdgeCounts {
-    let edges = position_edges(mesh);
+pub fn counts_of(mesh: &WeldedMesh, edges: &[PositionEdge]) -> EdgeCounts {
     let mut open = vec![false; mesh.positions.len()];
     for end in edges.iter().filter(|edge| edge.is_open()).flat_map(|edge| edge.ends) {
         open[end as usize] = true;

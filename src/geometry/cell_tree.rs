@@ -8,7 +8,7 @@
 //! a shared position is free only where all cells that have it lie below one parent.
 
 use rayon::prelude::*;
-use rustc_hash::FxHashMap;
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::cells::Cell;
 use super::collapse::{Boundary, collapse_order};
@@ -48,36 +48,54 @@ struct Node {
 
 /// Orders all cells of a part in parallel and puts parent cells above them.
 ///
-/// Roots come first and every parent before its children; [`OrderedPart::place`] says which is which. A watch that
+/// Roots come first, and every parent before its children; [`OrderedPart::place`] says which is which. A watch that
 /// stops it makes the result incomplete.
-pub fn order_cells(cells: &[Cell], grid: Grid, boundary: Boundary, watch: &dyn Watch) -> Vec<OrderedPart> {
-    order_cells_to(cells, grid, boundary, watch, MAX_PART_VERTICES)
+/// Positions in `shared` belong to borders with other parts and stay locked in all of them.
+pub fn order_cells(
+    cells: Vec<Cell>,
+    shared: &FxHashSet<[u32; 3]>,
+    grid: Grid,
+    boundary: Boundary,
+    watch: &dyn Watch,
+) -> Vec<OrderedPart> {
+    order_cells_to(cells, shared, grid, boundary, watch, MAX_PART_VERTICES)
 }
 
 /// As [`order_cells`], with parents of at most so many vertices.
 pub fn order_cells_to(
-    cells: &[Cell],
+    cells: Vec<Cell>,
+    shared: &FxHashSet<[u32; 3]>,
     grid: Grid,
     boundary: Boundary,
     watch: &dyn Watch,
     max_vertices: usize,
 ) -> Vec<OrderedPart> {
-    let leaf = |cell: &Cell| {
-        let node = order_cell(cell, grid, boundary, 0.0);
+    let leaf = |cell: Cell| {
+        let cell = with_locked(cell, shared);
+        let node = order_cell(&cell, grid, boundary, 0.0);
         watch.done(cell.mesh.triangles.len());
         node
     };
     let mut nodes: Vec<Node> =
-        cells.par_iter().with_max_len(1).filter(|_| !watch.stopped()).map(leaf).collect();
+        cells.into_par_iter().with_max_len(1).filter(|_| !watch.stopped()).map(leaf).collect();
     let mut roots: Vec<usize> = (0..nodes.len()).collect();
     while roots.len() > 1 && !watch.stopped() {
         let groups = neighbours_that_fit(&nodes, &roots, max_vertices);
         if groups.len() == roots.len() {
             break;
         }
-        roots = join_groups(&mut nodes, &groups, grid, boundary);
+        roots = join_groups(&mut nodes, &groups, shared, grid, boundary);
     }
     parents_first(nodes)
+}
+
+fn with_locked(mut cell: Cell, shared: &FxHashSet<[u32; 3]>) -> Cell {
+    if !shared.is_empty() {
+        for (position, locked) in cell.mesh.positions.iter().zip(&mut cell.locked) {
+            *locked |= shared.contains(position);
+        }
+    }
+    cell
 }
 
 /// Orders one cell whose finest state is off by `error` grid steps already.
@@ -129,12 +147,18 @@ fn neighbours_that_fit(nodes: &[Node], roots: &[usize], max_vertices: usize) -> 
 }
 
 /// Makes a parent of every group of more than one; returns the roots that there are then, in the same order.
-fn join_groups(nodes: &mut Vec<Node>, groups: &[Vec<usize>], grid: Grid, boundary: Boundary) -> Vec<usize> {
+fn join_groups(
+    nodes: &mut Vec<Node>,
+    groups: &[Vec<usize>],
+    shared: &FxHashSet<[u32; 3]>,
+    grid: Grid,
+    boundary: Boundary,
+) -> Vec<usize> {
     let owners = owners(nodes, groups.iter().flatten());
     let parent = |group: &Vec<usize>| {
         let children: Vec<&Node> = group.iter().map(|&node| &nodes[node]).collect();
         let error = children.iter().map(|node| node.error).fold(0.0, f32::max);
-        let mut parent = order_cell(&joined(&children, &owners), grid, boundary, error);
+        let mut parent = order_cell(&with_locked(joined(&children, &owners), shared), grid, boundary, error);
         parent.part.place.leaf_cells = children.iter().map(|node| node.part.place.leaf_cells.max(1)).sum();
         parent
     };

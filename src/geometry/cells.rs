@@ -22,11 +22,16 @@ pub fn cut(mesh: WeldedMesh) -> Vec<Cell> {
     cut_to(mesh, MAX_PART_VERTICES, MAX_PART_TRIANGLES)
 }
 
-/// Cuts a mesh into cells of at most so many vertices and triangles; three vertices are always allowed.
+/// Cuts a mesh into cells of at most so many vertices and triangles; three vertices are always allowed. None of a mesh
+/// without triangles.
 pub fn cut_to(mesh: WeldedMesh, max_vertices: usize, max_triangles: usize) -> Vec<Cell> {
-    if mesh.wedges.len() <= max_vertices && mesh.triangles.len() <= max_triangles {
+    let fits = mesh.wedges.len() <= max_vertices && mesh.triangles.len() <= max_triangles;
+    if fits && !mesh.triangles.is_empty() {
         let locked = vec![false; mesh.positions.len()];
         return vec![Cell { mesh, locked }];
+    }
+    if mesh.triangles.is_empty() {
+        return Vec::new();
     }
     let mut pieces = Vec::new();
     let mut stack = vec![(0..mesh.triangles.len() as u32).collect::<Vec<u32>>()];

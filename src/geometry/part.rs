@@ -1,67 +1,9 @@
-//! A source mesh in, one collapse-ordered part out, or several cells of one.
+//! An ordered mesh in, what a part says of itself out: its box, its counts, its states, its errors.
 
 use super::TrianglesAt;
-use super::adjacency::{EdgeCounts, edge_counts};
-use super::cell_tree::{Watch, order_cells};
-use super::cells;
-use super::collapse::Boundary;
 use super::order::OrderedMesh;
 use super::record::{ERROR_SAMPLES, OrderedPart, error_code};
-use super::weld::{WeldedMesh, grid_of, weld};
-use crate::import::SourceMesh;
-
-/// A mesh in collapse order, and what its report says.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PartOutcome {
-    /// The part, or its cells where it had to be cut, parents before their children; none if no triangle had an area.
-    pub cells: Vec<OrderedPart>,
-    /// What the weld found.
-    pub weld: WeldCounts,
-}
-
-/// What the weld of one part found.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct WeldCounts {
-    /// Triangles of the source mesh.
-    pub source_triangles: usize,
-    /// Vertices of the source mesh.
-    pub source_vertices: usize,
-    /// Positions after the weld.
-    pub positions: usize,
-    /// Triangles dropped because two corners share a position.
-    pub degenerate: usize,
-    /// Triangles dropped because they repeat an earlier one.
-    pub duplicate: usize,
-    /// Open and non-manifold edges after the weld.
-    pub edges: EdgeCounts,
-}
-
-/// Orders one mesh, which has normals, by its edge collapses.
-pub fn order_part(mesh: &SourceMesh, boundary: Boundary) -> PartOutcome {
-    order_part_watched(mesh, boundary, &())
-}
-
-/// As [`order_part`], for somebody who waits, on the threads of rayon's current pool; if stopped, the outcome lacks
-/// cells.
-pub fn order_part_watched(mesh: &SourceMesh, boundary: Boundary, watch: &dyn Watch) -> PartOutcome {
-    let counts = WeldCounts {
-        source_triangles: mesh.triangles.len(),
-        source_vertices: mesh.positions.len(),
-        ..WeldCounts::default()
-    };
-    let Some(grid) = grid_of(mesh) else { return PartOutcome { cells: Vec::new(), weld: counts } };
-    let welded = weld(mesh, grid);
-    let counts = WeldCounts {
-        positions: welded.positions.len(),
-        degenerate: welded.degenerate,
-        duplicate: welded.duplicate,
-        edges: edge_counts(&welded),
-        ..counts
-    };
-    watch.done(mesh.triangles.len() - welded.triangles.len());
-    let cells = if welded.triangles.is_empty() { Vec::new() } else { cells::cut(welded) };
-    PartOutcome { cells: order_cells(&cells, grid, boundary, watch), weld: counts }
-}
+use super::weld::WeldedMesh;
 
 /// Whether a part keeps more of its triangles in its coarsest state than is useful: over a tenth.
 pub fn coarsest_share_is_high(coarsest: u32, triangles: u64) -> bool {

@@ -63,16 +63,23 @@ pub(super) fn starts(sorted: &[u32], count: usize) -> Vec<u32> {
 
 /// The grid on which a mesh's used positions fit, or `None` if it has no triangles.
 pub fn grid_of(mesh: &SourceMesh) -> Option<Grid> {
+    grid_around(std::slice::from_ref(mesh))
+}
+
+/// The grid on which the used positions of several meshes fit, or `None` if these have no triangles.
+pub fn grid_around(meshes: &[SourceMesh]) -> Option<Grid> {
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
-    for &vertex in mesh.triangles.iter().flatten() {
-        let position = mesh.positions[vertex as usize].map(f64::from);
-        for axis in 0..3 {
-            low[axis] = low[axis].min(position[axis]);
-            high[axis] = high[axis].max(position[axis]);
+    for mesh in meshes {
+        for &vertex in mesh.triangles.iter().flatten() {
+            let position = mesh.positions[vertex as usize].map(f64::from);
+            for axis in 0..3 {
+                low[axis] = low[axis].min(position[axis]);
+                high[axis] = high[axis].max(position[axis]);
+            }
         }
     }
-    (!mesh.triangles.is_empty()).then(|| Grid::around(low, high))
+    low[0].is_finite().then(|| Grid::around(low, high))
 }
 
 /// Interleaves the bits of three grid coordinates.
@@ -91,8 +98,11 @@ pub(super) fn morton(grid: [u32; 3]) -> u64 {
 /// Welds a mesh that has normals (see [`super::normals`]) on the given grid.
 pub fn weld(mesh: &SourceMesh, grid: Grid) -> WeldedMesh {
     let coloured = !mesh.colours.is_empty();
-    let records = records_of(mesh, grid, coloured);
-    let mut order: Vec<(u64, u32, u32)> = used_vertices(mesh)
+    weld_records(&records_of(mesh, grid, coloured), &mesh.triangles, coloured)
+}
+
+fn weld_records(records: &[VertexRecord], triangles: &[[u32; 3]], coloured: bool) -> WeldedMesh {
+    let mut order: Vec<(u64, u32, u32)> = used_vertices(records.len(), triangles)
         .map(|vertex| {
             let record = records[vertex as usize];
             (morton(record.grid()), record.attributes(), vertex)
@@ -101,7 +111,7 @@ pub fn weld(mesh: &SourceMesh, grid: Grid) -> WeldedMesh {
     order.sort_unstable();
 
     let mut welded = WeldedMesh { coloured, ..WeldedMesh::default() };
-    let mut wedge_of = vec![u32::MAX; mesh.positions.len()];
+    let mut wedge_of = vec![u32::MAX; records.len()];
     let mut last = None;
     for (code, _, vertex) in order {
         let record = records[vertex as usize];
@@ -111,14 +121,14 @@ pub fn weld(mesh: &SourceMesh, grid: Grid) -> WeldedMesh {
         }
         wedge_of[vertex as usize] = welded.wedge_for(record);
     }
-    welded.add_triangles(mesh, &wedge_of);
+    welded.add_triangles(triangles, &wedge_of);
     welded.drop_unused();
     welded
 }
 
-fn used_vertices(mesh: &SourceMesh) -> impl Iterator<Item = u32> {
-    let mut used = vec![false; mesh.positions.len()];
-    for &vertex in mesh.triangles.iter().flatten() {
+fn used_vertices(count: usize, triangles: &[[u32; 3]]) -> impl Iterator<Item = u32> + use<> {
+    let mut used = vec![false; count];
+    for &vertex in triangles.iter().flatten() {
         used[vertex as usize] = true;
     }
     used.into_iter().enumerate().filter(|&(_, used)| used).map(|(vertex, _)| vertex as u32)
@@ -163,10 +173,25 @@ impl WeldedMesh {
         n[0] * k[0] + n[1] * k[1] + n[2] * k[2] > SAME_NORMAL_COS
     }
 
-    fn add_triangles(&mut self, mesh: &SourceMesh, wedge_of: &[u32]) {
-        let mut keyed = Vec::with_capacity(mesh.triangles.len());
-        let mut seen = FxHashSet::with_capacity_and_hasher(mesh.triangles.len(), Default::default());
-        for triangle in &mesh.triangles {
+    /// Welds again with positions moved onto others; `onto` has one entry a position.
+    pub(super) fn move_positions(&mut self, onto: &[u32]) {
+        let moved = |(record, &position): (&VertexRecord, &u32)| {
+            VertexRecord::new(self.positions[onto[position as usize] as usize], record.attributes())
+        };
+        let records: Vec<VertexRecord> = self.wedges.iter().zip(&self.wedge_position).map(moved).collect();
+        let again = weld_records(&records, &self.triangles, self.coloured);
+        let (degenerate, duplicate) = (self.degenerate, self.duplicate);
+        *self = Self {
+            degenerate: again.degenerate + degenerate,
+            duplicate: again.duplicate + duplicate,
+            ..again
+        };
+    }
+
+    fn add_triangles(&mut self, triangles: &[[u32; 3]], wedge_of: &[u32]) {
+        let mut keyed = Vec::with_capacity(triangles.len());
+        let mut seen = FxHashSet::with_capacity_and_hasher(triangles.len(), Default::default());
+        for triangle in triangles {
             let wedges = triangle.map(|vertex| wedge_of[vertex as usize]);
             let [a, b, c] = self.corner_positions(wedges);
             if a == b || b == c || c == a {

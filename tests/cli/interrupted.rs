@@ -6,9 +6,8 @@ use std::process::{Child, Command};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use collapsar::geometry::Boundary;
+use collapsar::geometry::body::{OrderOptions, order_body};
 use collapsar::geometry::cell_tree::Watch;
-use collapsar::geometry::part::order_part_watched;
 
 use crate::common::{height_field, patched_box};
 use crate::models::{obj, placed_glb};
@@ -65,7 +64,7 @@ fn a_part_of_several_cells_stops_between_two() {
     let large = height_field(260);
     assert!(large.positions.len() > 65_536, "one cell holds it");
     let stop_at_second = StopAtSecond::default();
-    let outcome = order_part_watched(&large, Boundary::Slide, &stop_at_second);
+    let outcome = order_body(vec![large], OrderOptions::default(), &stop_at_second).remove(0);
     // Two cells and no parent are asked for; one goes ahead.
     assert_eq!((stop_at_second.0.into_inner(), outcome.cells.len()), (2, 1));
 }

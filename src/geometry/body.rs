@@ -1,0 +1,150 @@
+//! The meshes of one body in, one outcome for each out: a collapse-ordered part, or several cells of one.
+//!
+//! A body is a mesh of the file that came apart because each of its materials became a mesh of its own. Its meshes lie
+//! on one grid, and where an open edge of one is an edge of another too, both ends are locked in both, so that the
+//! border between them stays closed at any mix of levels.
+
+use rayon::prelude::*;
+use rustc_hash::{FxHashMap, FxHashSet};
+
+use super::adjacency::{EdgeCounts, PositionEdge, counts_of, position_edges};
+use super::cell_tree::{Watch, order_cells};
+use super::cells;
+use super::collapse::Boundary;
+use super::record::{Grid, OrderedPart};
+use super::weld::{WeldedMesh, grid_around, weld};
+use super::weld_near::close_gaps;
+use crate::import::SourceMesh;
+
+/// A mesh in collapse order, and what its report says.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PartOutcome {
+    /// The part, or its cells where it had to be cut, parents before their children; none if no triangle had an area.
+    pub cells: Vec<OrderedPart>,
+    /// What the weld found.
+    pub weld: WeldCounts,
+}
+
+/// What the weld of one part found.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct WeldCounts {
+    /// Triangles of the source mesh.
+    pub source_triangles: usize,
+    /// Vertices of the source mesh.
+    pub source_vertices: usize,
+    /// Positions after the weld.
+    pub positions: usize,
+    /// Positions that moved onto another one within the tolerance.
+    pub moved: usize,
+    /// Triangles dropped because two corners share a position.
+    pub degenerate: usize,
+    /// Triangles dropped because they repeat an earlier one.
+    pub duplicate: usize,
+    /// Open and non-manifold edges after the weld.
+    pub edges: EdgeCounts,
+    /// Positions that are locked because another mesh of the body has them on its border.
+    pub shared: usize,
+}
+
+/// How meshes are welded and ordered.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct OrderOptions {
+    /// What may happen to open boundaries.
+    pub boundary: Boundary,
+    /// Positions on open edges that are at most so far apart, in part units, are one position. `None`: a step of the
+    /// part's grid, which is its own precision. 0: only equal ones are.
+    pub weld_tolerance: Option<f64>,
+}
+
+/// Orders one mesh, which has normals, by its edge collapses.
+pub fn order_part(mesh: &SourceMesh, boundary: Boundary) -> PartOutcome {
+    let mut outcomes =
+        order_body(vec![mesh.clone()], OrderOptions { boundary, ..OrderOptions::default() }, &());
+    // One mesh, one outcome.
+    outcomes.pop().unwrap_or(PartOutcome { cells: Vec::new(), weld: WeldCounts::default() })
+}
+
+/// Orders the meshes of a body, which have normals, for somebody who waits, on the threads of rayon's current pool; one
+/// outcome a mesh. If stopped, outcomes lack cells.
+pub fn order_body(meshes: Vec<SourceMesh>, options: OrderOptions, watch: &dyn Watch) -> Vec<PartOutcome> {
+    let Some(grid) = grid_around(&meshes) else {
+        return meshes.iter().map(|mesh| PartOutcome { cells: Vec::new(), weld: counts(mesh) }).collect();
+    };
+    // Each source mesh is given back as soon as it is welded.
+    let welded: Vec<Welded> = meshes.into_iter().map(|mesh| welded(&mesh, grid, options)).collect();
+    let shared = shared_borders(&welded);
+    welded
+        .into_par_iter()
+        .with_max_len(1)
+        .map(|mut welded| {
+            watch.done(welded.counts.source_triangles - welded.mesh.triangles.len());
+            welded.edges = Vec::new();
+            let is_shared = |position: &&[u32; 3]| shared.contains(*position);
+            welded.counts.shared = welded.mesh.positions.iter().filter(is_shared).count();
+            let cells = cells::cut(welded.mesh);
+            let cells = order_cells(cells, &shared, grid, options.boundary, watch);
+            PartOutcome { cells, weld: welded.counts }
+        })
+        .collect()
+}
+
+/// A mesh of a body on its way.
+struct Welded {
+    mesh: WeldedMesh,
+    edges: Vec<PositionEdge>,
+    counts: WeldCounts,
+}
+
+fn counts(mesh: &SourceMesh) -> WeldCounts {
+    WeldCounts {
+        source_triangles: mesh.triangles.len(),
+        source_vertices: mesh.positions.len(),
+        ..WeldCounts::default()
+    }
+}
+
+fn welded(source: &SourceMesh, grid: Grid, options: OrderOptions) -> Welded {
+    let mut mesh = weld(source, grid);
+    let mut edges = position_edges(&mesh);
+    let steps = options.weld_tolerance.map_or(1.0, |tolerance| tolerance / grid.step());
+    let moved = close_gaps(&mut mesh, &edges, steps);
+    if moved > 0 {
+        edges = position_edges(&mesh);
+    }
+    let counts = WeldCounts {
+        positions: mesh.positions.len(),
+        moved,
+        degenerate: mesh.degenerate,
+        duplicate: mesh.duplicate,
+        edges: counts_of(&mesh, &edges),
+        ..counts(source)
+    };
+    Welded { mesh, edges, counts }
+}
+
+/// The positions of edges that are open in one mesh of the body and are edges of another.
+fn shared_borders(meshes: &[Welded]) -> FxHashSet<[u32; 3]> {
+    let mut shared = FxHashSet::default();
+    if meshes.len() < 2 {
+        return shared;
+    }
+    let ends = |welded: &Welded, edge: &PositionEdge| {
+        let [a, b] = edge.ends.map(|position| welded.mesh.positions[position as usize]);
+        [a.min(b), a.max(b)]
+    };
+    // The mesh of each edge that is open somewhere.
+    let mut open: FxHashMap<[[u32; 3]; 2], usize> = FxHashMap::default();
+    for (number, welded) in meshes.iter().enumerate() {
+        for edge in welded.edges.iter().filter(|edge| edge.is_open()) {
+            open.entry(ends(welded, edge)).or_insert(number);
+        }
+    }
+    for (number, welded) in meshes.iter().enumerate() {
+        for edge in welded.edges.iter().map(|edge| ends(welded, edge)) {
+            if open.get(&edge).is_some_and(|&owner| owner != number) {
+                shared.extend(edge);
+            }
+        }
+    }
+    shared
+}

@@ -153,7 +153,7 @@ fn check_names(lines: &[&[u8]]) -> Result<(), Problem> {
                 properties.clear();
                 words.next().is_none_or(|name| elements.insert(name))
             }
-            Some(b"property") => words.last().is_none_or(|name| properties.insert(name)),
+            Some(b"property") => words.next_back().is_none_or(|name| properties.insert(name)),
             _ => true,
         };
         if !is_new {

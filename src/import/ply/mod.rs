@@ -309,11 +309,8 @@ fn drop_unused(mesh: &mut SourceMesh) {
     if !numbers.contains(&NO_VERTEX) {
         return;
     }
-    let mut next = 0;
-    for number in numbers.iter_mut().filter(|number| **number != NO_VERTEX) {
-        *number = next;
-        next += 1;
-    }
+    let used = numbers.iter_mut().filter(|number| **number != NO_VERTEX);
+    (0..).zip(used).for_each(|(next, number)| *number = next);
     keep(&mut mesh.positions, &numbers);
     keep(&mut mesh.normals, &numbers);
     keep(&mut mesh.colours, &numbers);

@@ -25,6 +25,8 @@ struct InstanceRow {
 
 // Bit of InstanceRow.colour: the vertices carry colours.
 const COLOURED: u32 = 1u << 24u;
+// Bit of InstanceRow.colour: the vertices carry slots; the low 24 bits are the number of the row with slot 0's colour.
+const SLOTTED: u32 = 1u << 25u;
 
 @group(1) @binding(0) var<storage, read> instances: array<InstanceRow>;
 
@@ -77,7 +79,8 @@ fn draw_vertex(@location(0) active_vertex: vec4<u32>) -> Corner {
     let origin = (translation_high - frame.eye_high) + (row.translation_low - frame.eye_low);
     let coloured = (row.colour & COLOURED) != 0u;
     let attributes = active_vertex.z;
-    let folded = select(unpack2x16snorm(attributes), unpack4x8snorm(attributes).xy, coloured);
+    let slotted = (row.colour & SLOTTED) != 0u;
+    let folded = select(unpack2x16snorm(attributes), unpack4x8snorm(attributes).xy, coloured || slotted);
 
     var corner: Corner;
     corner.relative = offset + origin;
@@ -85,6 +88,9 @@ fn draw_vertex(@location(0) active_vertex: vec4<u32>) -> Corner {
     corner.normal = world_normal(row, unfold(folded));
     if frame.mode == MODE_INSTANCE {
         corner.colour = debug_colour(instance);
+    } else if slotted {
+        let slot = (row.colour & 0xFFFFFFu) + (attributes >> 16u);
+        corner.colour = colour_from_8888(instances[min(slot, arrayLength(&instances) - 1u)].colour);
     } else if coloured {
         corner.colour = colour_from_565(attributes);
     } else {

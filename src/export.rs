@@ -5,6 +5,7 @@
 use std::io::{self, Write};
 
 use glam::{DAffine3, DVec3};
+use rustc_hash::FxHashMap;
 use serde_json::json;
 
 use crate::container::{Container, ContainerError, PartRow};
@@ -61,6 +62,8 @@ pub struct Piece {
     pub colours: Vec<[u8; 4]>,
     /// Vertex indices.
     pub triangles: Vec<[u16; 3]>,
+    /// Material slots, one a vertex, until colours stand for them; empty for a part that has none.
+    slots: Vec<u16>,
 }
 
 /// Takes every part (or those of one name) at a level; only a selection by name leaves the placements out.
@@ -84,21 +87,69 @@ pub fn level_of_detail(bytes: &[u8], level: Level, name: Option<&str>) -> Result
     if let (Some(name), true) = (name, mesh.pieces.is_empty()) {
         return Err(ExportError::NoSuchPart { name: name.to_owned() });
     }
-    mesh.placements = match name {
-        Some(_) => (0..mesh.pieces.len()).map(|piece| (piece, DAffine3::IDENTITY, GREY)).collect(),
-        None => placements(&container, &piece_of),
-    };
+    mesh.colour_slots(&container, &piece_of, name.is_some());
     Ok(mesh)
 }
 
 const GREY: [u8; 4] = [186, 190, 196, 255];
 
-fn placements(container: &Container<'_>, piece_of: &[Option<usize>]) -> Vec<(usize, DAffine3, [u8; 4])> {
-    let placed = container.instances().iter().filter_map(|instance| {
-        let colour = container.materials()[instance.material as usize].base_colour;
-        piece_of[instance.part as usize].map(|piece| (piece, instance.transform(), colour))
-    });
-    placed.collect()
+impl Mesh {
+    /// Places the pieces; those with slots become one piece for each combination of materials. `once`: each only
+    /// where it is first placed, and there without its transform and colour.
+    fn colour_slots(&mut self, container: &Container<'_>, piece_of: &[Option<usize>], once: bool) {
+        let mut coloured: FxHashMap<(usize, Vec<[u8; 4]>), usize> = FxHashMap::default();
+        let mut placed = vec![false; self.pieces.len()];
+        for (number, instance) in container.instances().iter().enumerate() {
+            let Some(piece) = piece_of[instance.part as usize] else { continue };
+            if once && std::mem::replace(&mut placed[piece], true) {
+                continue;
+            }
+            let colours = self.pieces[piece].slot_colours(container, number);
+            let piece = match colours.is_empty() {
+                true => piece,
+                false => *coloured.entry((piece, colours)).or_insert_with_key(|(piece, colours)| {
+                    self.pieces.push(self.pieces[*piece].with_slot_colours(colours));
+                    self.pieces.len() - 1
+                }),
+            };
+            let colour = container.materials()[instance.material as usize].base_colour;
+            let (transform, colour) =
+                if once { (DAffine3::IDENTITY, GREY) } else { (instance.transform(), colour) };
+            self.placements.push((piece, transform, colour));
+        }
+        self.drop_unplaced();
+    }
+
+    /// Drops pieces with slots, for which coloured ones stand.
+    fn drop_unplaced(&mut self) {
+        let mut new_number = Vec::with_capacity(self.pieces.len());
+        let mut next = 0;
+        for piece in &self.pieces {
+            new_number.push(next);
+            next += usize::from(piece.slots.is_empty());
+        }
+        self.pieces.retain(|piece| piece.slots.is_empty());
+        for (piece, _, _) in &mut self.placements {
+            *piece = new_number[*piece];
+        }
+    }
+}
+
+impl Piece {
+    /// The colours of the slots of a piece that is placed as instance `number`; empty for a piece without slots.
+    fn slot_colours(&self, container: &Container<'_>, number: usize) -> Vec<[u8; 4]> {
+        let slots = self.slots.iter().max().map_or(0, |&slot| usize::from(slot) + 1);
+        let colour = |slot: usize| {
+            let leaf = container.instances().get(number + slot);
+            leaf.map_or(GREY, |leaf| container.materials()[leaf.material as usize].base_colour)
+        };
+        (0..slots).map(colour).collect()
+    }
+
+    fn with_slot_colours(&self, colours: &[[u8; 4]]) -> Self {
+        let colours = self.slots.iter().map(|&slot| colours[usize::from(slot)]).collect();
+        Self { colours, slots: Vec::new(), ..self.clone() }
+    }
 }
 
 /// Which cells of parts with parent cells stand for them at a level.
@@ -193,7 +244,11 @@ fn piece(part: &OrderedPart, name: &str, vn: u32) -> Piece {
         name: name.to_owned(),
         positions: vertices.iter().map(|vertex| part.grid.position(vertex.grid())).collect(),
         normals: vertices.iter().map(|vertex| vertex.normal(part.coloured)).collect(),
-        colours: if part.coloured {
+        slots: match part.slotted {
+            true => vertices.iter().map(|vertex| (vertex.attributes() >> 16) as u16).collect(),
+            false => Vec::new(),
+        },
+        colours: if part.coloured && !part.slotted {
             vertices.iter().map(|vertex| decode_coloured(vertex.attributes()).1).collect()
         } else {
             Vec::new()

@@ -425,17 +425,25 @@ impl Renderer {
         self.batches.len()
     }
 
-    /// The rows that the draw pass needs of some instances.
+    /// The rows that the draw pass needs of some instances, and after them rows whose colours are those of slots.
     fn instance_rows(&self, instances: &[u32]) -> Vec<InstanceRow> {
-        instances
-            .iter()
-            .map(|&number| {
-                let instance = &self.scene.instances()[number as usize];
-                let part = &self.scene.parts()[instance.part as usize];
-                let colour = self.scene.colour(instance);
-                InstanceRow::new(instance.transform(), part.grid(), colour, part.is_coloured())
-            })
-            .collect()
+        let mut rows: Vec<InstanceRow> = instances.iter().map(|&number| self.instance_row(number)).collect();
+        for (i, &number) in instances.iter().enumerate() {
+            let instance = &self.scene.instances()[number as usize];
+            if !self.scene.parts()[instance.part as usize].is_slotted() || rows.len() >= 1 << 24 {
+                continue;
+            }
+            rows[i].colour = InstanceRow::SLOTTED | rows.len() as u32;
+            rows.extend((number..self.scene.placement_end(number)).map(|cell| self.instance_row(cell)));
+        }
+        rows
+    }
+
+    fn instance_row(&self, number: u32) -> InstanceRow {
+        let instance = &self.scene.instances()[number as usize];
+        let part = &self.scene.parts()[instance.part as usize];
+        let coloured = part.is_coloured() && !part.is_slotted();
+        InstanceRow::new(instance.transform(), part.grid(), self.scene.colour(instance), coloured)
     }
 }
 

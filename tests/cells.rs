@@ -12,7 +12,8 @@ mod common;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use collapsar::geometry::cell_tree::{drawn_cells, order_cells_to, sums_below};
+use collapsar::geometry::body::{OrderOptions, order_body};
+use collapsar::geometry::cell_tree::{Joining, drawn_cells, order_cells, sums_below};
 use collapsar::geometry::cells::cut_to;
 use collapsar::geometry::record::CellPlace;
 use collapsar::geometry::weld::{WeldedMesh, grid_of, weld};
@@ -99,14 +100,19 @@ fn mixes_meet(cells: &[OrderedPart], input: &WeldedMesh) {
         );
         assert!(!open_positions.is_empty() || open.is_empty(), "mix {mix}: {} open edges", open.len());
     }
-    assert!(refined.len() > 3, "only {} choices of cells", refined.len());
+    let parents = places.iter().filter(|place| place.leaf_cells > 0).count();
+    assert!(refined.len() > parents.min(3), "only {} choices of cells", refined.len());
 }
 
 fn cut_into(mesh: &SourceMesh, max_vertices: usize, max_parent: usize) -> (Vec<OrderedPart>, WeldedMesh) {
     let grid = grid_of(mesh).unwrap();
     let welded = weld(mesh, grid);
     let cells = cut_to(welded.clone(), max_vertices, 1 << 20);
-    (order_cells_to(cells, &Default::default(), grid, Boundary::Slide, &(), max_parent), welded)
+    let none = Default::default();
+    let joining =
+        Joining { grid, boundary: Boundary::Slide, locked: &none, shared: &none, max_vertices: max_parent };
+    let cells = order_cells(vec![cells], joining, &()).into_iter().map(|(part, _)| part).collect();
+    (cells, welded)
 }
 
 fn depth(cells: &[OrderedPart]) -> usize {
@@ -138,7 +144,7 @@ fn borders_between_cells_set_no_floor() {
     let (cells, _) = cut_into(&common::height_field(100), 500, 1 << 16);
     let leaves: Vec<&OrderedPart> = cells.iter().filter(|cell| cell.place.leaf_cells == 0).collect();
     let floor: u32 = leaves.iter().map(|cell| cell.coarsest_triangles()).sum();
-    assert!(leaves.len() >= 20 && floor > 500, "{floor} triangles in {} cells", leaves.len());
+    assert!(leaves.len() >= 20 && floor > 2000, "{floor} triangles in {} cells", leaves.len());
     assert_eq!(cells.iter().filter(|cell| cell.place.parent_distance == 0).count(), 1);
     assert!(cells[0].coarsest_triangles() <= 4, "{} triangles", cells[0].coarsest_triangles());
     // The finest state of a parent is what its children leave, and it is off by what they are.
@@ -147,6 +153,58 @@ fn borders_between_cells_set_no_floor() {
     let places: Vec<CellPlace> = cells.iter().map(|cell| cell.place).collect();
     let triangles = sums_below(&places, |i| cells[i].triangle_count().into());
     assert_eq!(triangles[0], 2 * 100 * 100);
+}
+
+/// A closed surface in two materials: every third ring of triangles is of the second mesh.
+fn two_materials() -> Vec<SourceMesh> {
+    let whole = common::sphere(48, 48);
+    let mut meshes = vec![SourceMesh { triangles: Vec::new(), ..whole.clone() }; 2];
+    for (number, &triangle) in whole.triangles.iter().enumerate() {
+        meshes[usize::from(number / 96 % 3 == 2)].triangles.push(triangle);
+    }
+    meshes
+}
+
+#[test]
+fn meshes_of_one_body_stay_closed_between_each_other() {
+    let whole = common::sphere(48, 48);
+    let input = weld(&whole, grid_of(&whole).unwrap());
+    let joined = OrderOptions { joined: true, ..OrderOptions::default() };
+    let outcome = order_body(two_materials(), joined, &());
+    assert_eq!((&outcome.mesh_of[..], outcome.joined), (&[0, 1, 0][..], true));
+    assert!(outcome.welds.iter().all(|weld| weld.shared > 500));
+    mixes_meet(&outcome.cells, &input);
+    // Apart, the borders stay for ever; below the common parent they do not.
+    let apart = order_body(two_materials(), OrderOptions { joined: false, ..joined }, &());
+    assert_eq!((&apart.mesh_of[..], apart.joined), (&[0, 1][..], false));
+    mixes_meet(&apart.cells, &input);
+    let coarsest = |cells: &[OrderedPart]| cells.iter().map(OrderedPart::coarsest_triangles).sum::<u32>();
+    assert!(coarsest(&apart.cells) > 1000, "{}", coarsest(&apart.cells));
+    assert!(coarsest(&outcome.cells[..1]) <= 8, "{}", coarsest(&outcome.cells[..1]));
+}
+
+#[test]
+fn slots_lead_to_the_mesh_of_every_triangle() {
+    let joined = OrderOptions { joined: true, ..OrderOptions::default() };
+    let outcome = order_body(two_materials(), joined, &());
+    let parent = &outcome.cells[0];
+    assert!(parent.slotted && parent.coloured && parent.place.leaf_cells == 2);
+    let slot = |vertex: u16| (parent.vertices[usize::from(vertex)].attributes() >> 16) as usize;
+    let mut of_slot = [0; 3];
+    for triangle in parent.reformed(parent.vertices.len() as u32) {
+        assert!(triangle.iter().all(|&vertex| slot(vertex) == slot(triangle[0])));
+        of_slot[slot(triangle[0])] += 1;
+    }
+    let kept = |mesh: usize| {
+        outcome.cells[1..]
+            .iter()
+            .zip(&outcome.mesh_of[1..])
+            .find(|(_, m)| **m == mesh)
+            .unwrap()
+            .0
+            .coarsest_triangles()
+    };
+    assert_eq!(of_slot, [0, kept(outcome.mesh_of[1]), kept(outcome.mesh_of[2])]);
 }
 
 /// A surface of more than 65,536 vertices, baked from a file: two leaf cells or more, and one root.

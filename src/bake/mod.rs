@@ -3,6 +3,7 @@
 //! The way: import -> normals where there are none -> [`order_body`] for every body in parallel, the largest first, and
 //! for the cells of large parts, so that no core waits for one at the end -> container. The bytes written do not depend on the number of threads.
 
+mod bodies;
 mod report;
 
 use std::path::{Path, PathBuf};
@@ -12,11 +13,12 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use crate::container::{self, ContainerError, Contents, StoredInstance, StoredPart};
-use crate::geometry::body::{OrderOptions, PartOutcome, order_body};
+use crate::geometry::body::{BodyOutcome, OrderOptions, order_body};
 use crate::geometry::cell_tree::Watch;
 use crate::geometry::normals::{CREASE_DEGREES, by_crease_angle};
-use crate::import::{self, ImportError, Model, SourceMesh};
+use crate::import::{self, ImportError, Instance, Model, SourceMesh};
 
+pub use bodies::{Body, Placement, bodies};
 pub use report::{BakeReport, StalledPart};
 
 /// Why a bake ended without a container.
@@ -109,10 +111,11 @@ pub fn bake(
     let mut model = import::read(inputs)?;
     let import_seconds = started.elapsed().as_secs_f64();
     progress.check()?;
-    let outcomes = order_all(&mut model, options, progress)?;
+    let bodies = bodies(&model);
+    let outcomes = order_all(&mut model, &bodies, options, progress)?;
     let order_seconds = started.elapsed().as_secs_f64() - import_seconds;
-    let mut report = report::counted(&model, &outcomes);
-    let contents = assemble(model, outcomes);
+    let mut report = BakeReport::new(&model.notes, outcomes.iter().flat_map(|outcome| &outcome.welds));
+    let contents = assemble(model, bodies, outcomes);
     if contents.parts.is_empty() {
         let path = inputs.first().cloned().unwrap_or_default();
         return Err(BakeError::NothingLeft { triangles: report.source_triangles as usize, path });
@@ -125,95 +128,104 @@ pub fn bake(
     Ok(report)
 }
 
-/// The meshes of one body, taken out of the model, with their numbers there.
-type Body = Vec<(usize, SourceMesh)>;
-
-/// Orders every mesh that an instance places; `None` for the others. The model keeps the meshes' names only, so that
-/// memory is given back as they are done.
+/// Orders all bodies, the largest first. The model keeps the meshes' names only, so that memory is given back as they
+/// are done.
 fn order_all(
     model: &mut Model,
+    bodies: &[Body],
     options: &BakeOptions,
     progress: &BakeProgress,
-) -> Result<Vec<Option<PartOutcome>>, BakeError> {
-    let mut outcomes: Vec<Option<PartOutcome>> = model.meshes.iter().map(|_| None).collect();
-    let largest_first = take_bodies(model);
-    let total: usize = largest_first.iter().map(triangles_of).sum();
+) -> Result<Vec<BodyOutcome>, BakeError> {
+    let mut largest_first: Vec<(usize, Vec<SourceMesh>)> =
+        bodies.iter().map(|body| body.take(model)).enumerate().collect();
+    let triangles = |meshes: &[SourceMesh]| meshes.iter().map(|mesh| mesh.triangles.len()).sum::<usize>();
+    largest_first.sort_by_key(|(number, meshes)| (std::cmp::Reverse(triangles(meshes)), *number));
+    let total: usize = largest_first.iter().map(|(_, meshes)| triangles(meshes)).sum();
     progress.triangles_total.store(total as u64, Ordering::Relaxed);
 
     let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build();
     let pool = pool.map_err(|source| BakeError::Threads { threads: options.threads, source })?;
-    let ordered: Result<Vec<Vec<(usize, PartOutcome)>>, BakeError> = pool.install(|| {
-        largest_first
-            .into_par_iter()
-            .with_max_len(1)
-            .map(|body| {
-                progress.check()?;
-                order_one(body, options, progress)
-            })
-            .collect()
-    });
-    for (mesh, outcome) in ordered?.into_iter().flatten() {
-        outcomes[mesh] = Some(outcome);
+    let order = |(number, meshes): (usize, Vec<SourceMesh>)| {
+        let joined = bodies[number].placements.is_some();
+        Ok((number, order_one(meshes, joined, options, progress)?))
+    };
+    let ordered: Result<Vec<(usize, BodyOutcome)>, BakeError> =
+        pool.install(|| largest_first.into_par_iter().with_max_len(1).map(order).collect());
+    let mut outcomes = vec![BodyOutcome::default(); bodies.len()];
+    for (number, outcome) in ordered? {
+        outcomes[number] = outcome;
     }
     Ok(outcomes)
 }
 
-fn triangles_of(body: &Body) -> usize {
-    body.iter().map(|(_, mesh)| mesh.triangles.len()).sum()
-}
-
-/// Takes out the meshes that are placed, grouped to bodies, the largest body first.
-fn take_bodies(model: &mut Model) -> Vec<Body> {
-    let mut placed = vec![false; model.meshes.len()];
-    for instance in &model.instances {
-        placed[instance.mesh as usize] = true;
-    }
-    let mut bodies: Vec<Body> = model.meshes.iter().map(|_| Vec::new()).collect();
-    for (number, mesh) in model.meshes.iter_mut().enumerate().filter(|&(number, _)| placed[number]) {
-        let name = mesh.name.clone();
-        let taken = std::mem::replace(mesh, SourceMesh { name, ..SourceMesh::default() });
-        bodies[taken.body as usize].push((number, taken));
-    }
-    bodies.retain(|body| !body.is_empty());
-    bodies.sort_by_key(|body| (std::cmp::Reverse(triangles_of(body)), body[0].0));
-    bodies
-}
-
 fn order_one(
-    mut body: Body,
+    mut meshes: Vec<SourceMesh>,
+    joined: bool,
     options: &BakeOptions,
     progress: &BakeProgress,
-) -> Result<Vec<(usize, PartOutcome)>, BakeError> {
-    for (_, mesh) in body.iter_mut().filter(|(_, mesh)| mesh.normals.is_empty()) {
+) -> Result<BodyOutcome, BakeError> {
+    progress.check()?;
+    for mesh in meshes.iter_mut().filter(|mesh| mesh.normals.is_empty()) {
         by_crease_angle(mesh, options.crease_degrees);
     }
-    let (numbers, meshes): (Vec<usize>, Vec<SourceMesh>) = body.into_iter().unzip();
-    let outcomes = order_body(meshes, options.order, progress);
+    let outcome = order_body(meshes, OrderOptions { joined, ..options.order }, progress);
     // What was stopped lacks cells.
     progress.check()?;
-    Ok(numbers.into_iter().zip(outcomes).collect())
+    Ok(outcome)
 }
 
-/// Numbers the parts (every cell of a cut part is one) and places them.
-fn assemble(model: Model, outcomes: Vec<Option<PartOutcome>>) -> Contents {
-    let mut parts = Vec::new();
-    let mut cells_of = Vec::with_capacity(outcomes.len());
-    let mut source = 0;
-    for (mesh, outcome) in model.meshes.into_iter().zip(outcomes) {
-        let cells = outcome.map_or_else(Vec::new, |outcome| outcome.cells);
-        let first = parts.len() as u32;
-        let cut = cells.len() > 1;
-        source += u32::from(!cells.is_empty());
-        for part in cells {
-            parts.push(StoredPart { part, name: mesh.name.clone(), source: source - 1, cell: cut });
+/// Numbers the parts (every cell of a body is one) and places them, in the order of the model's instances.
+fn assemble(model: Model, bodies: Vec<Body>, outcomes: Vec<BodyOutcome>) -> Contents {
+    let mut contents = Contents::default();
+    let mut placed: Vec<(usize, Vec<StoredInstance>)> = Vec::new();
+    let mut sources = 0..;
+    for (body, mut outcome) in bodies.into_iter().zip(outcomes) {
+        let placements = body.placements.filter(|_| outcome.joined);
+        while !outcome.cells.is_empty() {
+            let mesh = outcome.mesh_of[0];
+            let of_source = |&&other: &&usize| placements.is_some() || other == mesh;
+            let cells = outcome.mesh_of.iter().take_while(of_source).count();
+            let first = contents.parts.len() as u32;
+            let source = sources.next().unwrap_or_default();
+            match &placements {
+                Some(places) => {
+                    placed.extend(places.iter().map(|place| place_cells(place, first, &outcome.mesh_of)))
+                }
+                None => placed.extend(place_alone(&model.instances, body.meshes[mesh], first, cells as u32)),
+            }
+            for (part, mesh) in outcome.cells.drain(..cells).zip(outcome.mesh_of.drain(..cells)) {
+                let name = model.meshes[body.meshes[mesh]].name.clone();
+                contents.parts.push(StoredPart { part, name, source, cell: cells > 1 });
+            }
         }
-        cells_of.push(first..parts.len() as u32);
     }
-    let place = |instance: &import::Instance| {
-        let (node, material, world_from_part) = (instance.node, instance.material, instance.world_from_part);
-        let cells = cells_of[instance.mesh as usize].clone();
-        cells.map(move |part| StoredInstance { part, node, material, world_from_part })
-    };
-    let instances = model.instances.iter().flat_map(place).collect();
-    Contents { parts, instances, nodes: model.nodes, materials: model.materials }
+    placed.sort_by_key(|&(number, _)| number);
+    contents.instances = placed.into_iter().flat_map(|(_, cells)| cells).collect();
+    Contents { nodes: model.nodes, materials: model.materials, ..contents }
+}
+
+/// The instances of all cells of a body at one place, after the number of its first instance in the model.
+fn place_cells(place: &Placement, first: u32, mesh_of: &[usize]) -> (usize, Vec<StoredInstance>) {
+    let &Placement { node, world_from_part, .. } = place;
+    let cells = (first..).zip(mesh_of).map(|(part, &mesh)| StoredInstance {
+        part,
+        node,
+        material: place.materials[mesh],
+        world_from_part,
+    });
+    (place.first, cells.collect())
+}
+
+/// The instances of all cells of one mesh wherever it is placed, each after its number in the model.
+fn place_alone(
+    instances: &[Instance],
+    mesh: usize,
+    first: u32,
+    cells: u32,
+) -> impl Iterator<Item = (usize, Vec<StoredInstance>)> {
+    let own = instances.iter().enumerate().filter(move |(_, instance)| instance.mesh as usize == mesh);
+    own.map(move |(number, &Instance { node, material, world_from_part, .. })| {
+        let cell = |part| StoredInstance { part, node, material, world_from_part };
+        (number, (first..first + cells).map(cell).collect())
+    })
 }

@@ -2,11 +2,10 @@
 
 use serde::Serialize;
 
-use crate::container::{Contents, Written};
+use crate::container::{Contents, StoredPart, Written};
 use crate::geometry::OrderedPart;
-use crate::geometry::body::PartOutcome;
+use crate::geometry::body::WeldCounts;
 use crate::geometry::record::{CellPlace, Stall};
-use crate::import::Model;
 
 /// What was read, what became of it, and what it cost.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -35,12 +34,16 @@ pub struct BakeReport {
     pub source_vertices: u64,
     /// Positions after the weld.
     pub welded_positions: u64,
+    /// Positions on open edges that moved onto another one within the weld tolerance.
+    pub moved_positions: u64,
     /// Triangles dropped because two corners share a position.
     pub degenerate_triangles: u64,
     /// Triangles dropped because they repeat another.
     pub duplicate_triangles: u64,
     /// Positions on open edges after the weld.
     pub open_positions: u64,
+    /// Positions on borders between meshes of one body, which differ in material.
+    pub shared_positions: u64,
     /// Edges of more than two triangles after the weld.
     pub non_manifold_edges: u64,
     /// Parts whose coarsest state keeps more than a tenth of their triangles.
@@ -74,66 +77,71 @@ pub struct StalledPart {
     pub cause: &'static str,
 }
 
-/// The counts that the model and the outcomes give.
-pub(super) fn counted(model: &Model, outcomes: &[Option<PartOutcome>]) -> BakeReport {
-    let mut report = BakeReport { notes: model.notes.clone(), ..BakeReport::default() };
-    for (mesh, outcome) in model.meshes.iter().zip(outcomes) {
-        let Some(outcome) = outcome else { continue };
-        report.add(&mesh.name, outcome);
-    }
-    let per_mesh = |mesh: u32| {
-        let cells = outcomes[mesh as usize].iter().flat_map(|outcome| &outcome.cells);
-        cells
-            .filter(|cell| cell.place.leaf_cells == 0)
-            .map(|part| u64::from(part.triangle_count()))
-            .sum::<u64>()
-    };
-    let placed = model.instances.iter().map(|instance| per_mesh(instance.mesh));
-    (report.instances, report.triangles_placed) = placed
-        .filter(|&triangles| triangles > 0)
-        .fold((0, 0), |(count, sum), triangles| (count + 1, sum + triangles));
-    report
+/// The part with these cells, if one of its roots stalls.
+fn stalled(cells: &[StoredPart]) -> Option<StalledPart> {
+    let cause = cells.iter().map(|cell| cell.part.stall).find(|&stall| stall != Stall::None)?;
+    let (triangles, coarsest_triangles) = triangles_of(cells);
+    let name = cells[0].name.clone();
+    Some(StalledPart { name, triangles, coarsest_triangles, cause: cause.describe() })
 }
 
-/// The part, if one of its roots stalls.
-fn stalled(name: &str, cells: &[OrderedPart]) -> Option<StalledPart> {
-    let cause = cells.iter().map(|cell| cell.stall).find(|&stall| stall != Stall::None)?;
+/// Triangles of a part: of its leaf cells, and of the coarsest states of its roots.
+fn triangles_of(cells: &[StoredPart]) -> (u64, u64) {
     let sum = |of: fn(&OrderedPart) -> u32, which: fn(&CellPlace) -> bool| {
-        cells.iter().filter(|cell| which(&cell.place)).map(|cell| u64::from(of(cell))).sum()
+        let chosen = cells.iter().filter(|cell| which(&cell.part.place));
+        chosen.map(|cell| u64::from(of(&cell.part))).sum::<u64>()
     };
-    Some(StalledPart {
-        name: name.to_owned(),
-        triangles: sum(OrderedPart::triangle_count, |place| place.leaf_cells == 0),
-        coarsest_triangles: sum(OrderedPart::coarsest_triangles, |place| place.parent_distance == 0),
-        cause: cause.describe(),
-    })
+    let whole = sum(OrderedPart::triangle_count, |place| place.leaf_cells == 0);
+    (whole, sum(OrderedPart::coarsest_triangles, |place| place.parent_distance == 0))
 }
 
 impl BakeReport {
-    fn add(&mut self, name: &str, outcome: &PartOutcome) {
-        let weld = &outcome.weld;
-        self.source_triangles += weld.source_triangles as u64;
-        self.source_vertices += weld.source_vertices as u64;
-        self.welded_positions += weld.positions as u64;
-        self.degenerate_triangles += weld.degenerate as u64;
-        self.duplicate_triangles += weld.duplicate as u64;
-        self.open_positions += weld.edges.open_positions as u64;
-        self.non_manifold_edges += weld.edges.non_manifold_edges as u64;
-        self.parts += u64::from(!outcome.cells.is_empty());
-        for part in outcome.cells.iter().filter(|part| part.place.leaf_cells == 0) {
-            self.vertices += part.vertices.len() as u64;
-            self.triangles += u64::from(part.triangle_count());
+    /// What was read and welded.
+    pub(super) fn new<'a>(notes: &[String], welds: impl Iterator<Item = &'a WeldCounts>) -> Self {
+        let mut report = Self { notes: notes.to_vec(), ..Self::default() };
+        for weld in welds {
+            report.source_triangles += weld.source_triangles as u64;
+            report.source_vertices += weld.source_vertices as u64;
+            report.welded_positions += weld.positions as u64;
+            report.moved_positions += weld.moved as u64;
+            report.degenerate_triangles += weld.degenerate as u64;
+            report.duplicate_triangles += weld.duplicate as u64;
+            report.open_positions += weld.edges.open_positions as u64;
+            report.shared_positions += weld.shared as u64;
+            report.non_manifold_edges += weld.edges.non_manifold_edges as u64;
         }
-        for part in outcome.cells.iter().filter(|part| part.place.parent_distance == 0) {
-            self.locked_vertices += u64::from(part.locked);
-            self.coarsest_triangles += u64::from(part.coarsest_triangles());
+        report
+    }
+
+    /// What the parts and their placements are.
+    fn count(&mut self, contents: &Contents) {
+        self.cells = contents.parts.len() as u64;
+        let mut first = 0;
+        let mut triangles_at = vec![0; contents.parts.len()];
+        for cells in contents.parts.chunk_by(|a, b| a.source == b.source) {
+            let (triangles, coarsest) = triangles_of(cells);
+            self.parts += 1;
+            self.triangles += triangles;
+            self.coarsest_triangles += coarsest;
+            triangles_at[first] = triangles;
+            first += cells.len();
+            for OrderedPart { vertices, locked, place, .. } in cells.iter().map(|cell| &cell.part) {
+                self.vertices += if place.leaf_cells == 0 { vertices.len() as u64 } else { 0 };
+                self.locked_vertices += if place.parent_distance == 0 { u64::from(*locked) } else { 0 };
+            }
+            self.stalled_parts.extend(stalled(cells));
         }
-        self.stalled_parts.extend(stalled(name, &outcome.cells));
+        // The first cell of a part stands for all.
+        let placed = contents.instances.iter().map(|instance| triangles_at[instance.part as usize]);
+        for triangles in placed.filter(|&triangles| triangles > 0) {
+            self.instances += 1;
+            self.triangles_placed += triangles;
+        }
     }
 
     /// Adds what is known when the container is written; `seconds` for import, ordering, and all.
     pub(super) fn finish(&mut self, contents: &Contents, written: &Written, seconds: [f64; 3]) {
-        self.cells = contents.parts.len() as u64;
+        self.count(contents);
         self.file_bytes = written.file_bytes;
         [self.import_seconds, self.order_seconds, self.seconds] = seconds;
         self.triangles_per_second = self.source_triangles as f64 / self.seconds.max(1e-9);

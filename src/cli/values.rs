@@ -66,6 +66,14 @@ pub fn ratio(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "must be above 0 and at most 1".to_owned())
 }
 
+/// Zero or a number above it.
+pub fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(number) if number >= 0.0 && number.is_finite() => Ok(number),
+        _ => Err("must be 0 or a number above it".to_owned()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -81,13 +89,5 @@ mod tests {
         assert_eq!(size("640x480"), Ok((640, 480)));
         assert!(size("640").is_err() && size("0x4").is_err());
         assert!(ratio("1.5").is_err() && ratio("0").is_err() && ratio("0.5").is_ok());
-    }
-}
-
-/// Zero or a number above it.
-pub fn not_negative(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(number) if number >= 0.0 && number.is_finite() => Ok(number),
-        _ => Err("must be 0 or a number above it".to_owned()),
     }
 }

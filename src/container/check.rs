@@ -219,8 +219,11 @@ fn check_part(row: &PartRow) -> RowCheck {
         format!("it has {} triangles, more than {MAX_PART_TRIANGLES}", row.triangles)
     })?;
     ensure(row.locked >= 1, || "its coarsest state has no vertex".to_owned())?;
-    ensure(row.flags & !(PartRow::COLOURED | PartRow::CELL) == 0, || {
+    ensure(row.flags & !(PartRow::COLOURED | PartRow::CELL | PartRow::SLOTTED) == 0, || {
         format!("its flags are {:#x}, not all of which are known", row.flags)
+    })?;
+    ensure(!row.is_slotted() || row.is_coloured() && row.is_parent(), || {
+        "it has material slots and is no parent cell, or not flagged as coloured".to_owned()
     })?;
     ensure(Stall::from_byte(row.stall).is_some(), || {
         format!("its cause of stall is {}, unknown", row.stall)

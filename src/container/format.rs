@@ -187,6 +187,10 @@ impl PartRow {
     /// Flag: it is one of the cells of a part that was cut.
     pub const CELL: u32 = 2;
 
+    /// Flag, with [`PartRow::COLOURED`]: in the place of colours, vertices carry slots, each the distance to the instance
+    /// whose material they have.
+    pub const SLOTTED: u32 = 4;
+
     /// The grid of its positions.
     pub fn grid(&self) -> Grid {
         Grid { origin: self.origin, step_exponent: self.step_exponent }
@@ -195,6 +199,11 @@ impl PartRow {
     /// Whether vertices carry colours.
     pub fn is_coloured(&self) -> bool {
         self.flags & Self::COLOURED != 0
+    }
+
+    /// Whether vertices carry material slots in the place of colours.
+    pub fn is_slotted(&self) -> bool {
+        self.flags & Self::SLOTTED != 0
     }
 
     /// Whether it is a cell of a part that was cut.

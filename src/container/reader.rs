@@ -175,6 +175,7 @@ pub(super) fn join(row: &PartRow, views: &[ChunkView]) -> OrderedPart {
     let mut part = OrderedPart {
         grid: row.grid(),
         coloured: row.is_coloured(),
+        slotted: row.is_slotted(),
         vertices: Vec::new(),
         ecol: Vec::new(),
         triangles_at: TrianglesAt::from_parts(Vec::new(), Vec::new()),

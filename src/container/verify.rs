@@ -84,6 +84,9 @@ fn inspect_part(container: &Container, part: usize) -> Vec<String> {
         .collect();
     findings.set_place(place.clone());
     check_errors(row, &mut findings);
+    if row.is_slotted() {
+        check_slots(container.parts(), part, &views, &mut findings);
+    }
     if findings.is_empty() {
         check_together(&place, row, &join(row, &views), &mut findings);
     }
@@ -127,6 +130,18 @@ fn read_chunk<'a>(
     let padding = container.file_range(range.end..aligned(range.end).unwrap_or(range.end))?;
     let view = ChunkView::slices(&spec, container.file_range(range)?)?;
     Ok((spec, view, padding))
+}
+
+/// Every slot leads to a leaf cell of the same part.
+fn check_slots(parts: &[PartRow], part: usize, views: &[ChunkView], findings: &mut Findings) {
+    for (index, vertex) in views.iter().rev().flat_map(|view| view.vertices).enumerate() {
+        let slot = (vertex.attributes() >> 16) as usize;
+        let leaf =
+            parts.get(part + slot).filter(|leaf| !leaf.is_parent() && leaf.source == parts[part].source);
+        findings.expect(leaf.is_some(), || {
+            format!("vertex {index} has slot {slot}, where no leaf cell of its part is")
+        });
+    }
 }
 
 /// Errors do not fall while vertices are removed.

@@ -366,7 +366,9 @@ fn part_row<'a>(stored: &'a StoredPart, first_chunk: u32, names: &mut Names<'a>)
     PartRow {
         origin: part.grid.origin,
         step_exponent: part.grid.step_exponent,
-        flags: flag(part.coloured, PartRow::COLOURED) | flag(*cell, PartRow::CELL),
+        flags: flag(part.coloured, PartRow::COLOURED)
+            | flag(*cell, PartRow::CELL)
+            | flag(part.slotted, PartRow::SLOTTED),
         grid_low,
         grid_high,
         vertices: part.vertices.len() as u32,

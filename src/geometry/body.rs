@@ -1,4 +1,4 @@
-//! The meshes of one body in, one outcome for each out: a collapse-ordered part, or several cells of one.
+//! The meshes of one body in, its collapse-ordered cells out.
 //!
 //! A body is a mesh of the file that came apart because each of its materials became a mesh of its own. Its meshes lie
 //! on one grid, and where an open edge of one is an edge of another too, both ends are locked in both, so that the
@@ -8,21 +8,26 @@ use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::adjacency::{EdgeCounts, PositionEdge, counts_of, position_edges};
-use super::cell_tree::{Watch, order_cells};
-use super::cells;
+use super::cell_tree::{Joining, MAX_JOINED_CELLS, Watch, order_cells};
+use super::cells::{self, Cell};
 use super::collapse::Boundary;
-use super::record::{Grid, OrderedPart};
+use super::record::{Grid, MAX_PART_VERTICES, OrderedPart};
 use super::weld::{WeldedMesh, grid_around, weld};
 use super::weld_near::close_gaps;
 use crate::import::SourceMesh;
 
-/// A mesh in collapse order, and what its report says.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PartOutcome {
-    /// The part, or its cells where it had to be cut, parents before their children; none if no triangle had an area.
+/// A body in collapse order, and what its report says.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct BodyOutcome {
+    /// All its cells, parents before their children; one for each mesh that had not to be cut, and none for a mesh of
+    /// which no triangle had an area.
     pub cells: Vec<OrderedPart>,
-    /// What the weld found.
-    pub weld: WeldCounts,
+    /// For each cell the number of its mesh, the first one's for a parent of several.
+    pub mesh_of: Vec<usize>,
+    /// For each mesh what the weld found.
+    pub welds: Vec<WeldCounts>,
+    /// Whether meshes have common parents; otherwise the cells of one mesh come after those of another.
+    pub joined: bool,
 }
 
 /// What the weld of one part found.
@@ -54,38 +59,60 @@ pub struct OrderOptions {
     /// Positions on open edges that are at most so far apart, in part units, are one position. `None`: a step of the
     /// part's grid, which is its own precision. 0: only equal ones are.
     pub weld_tolerance: Option<f64>,
+    /// Whether meshes of a body may have common parent cells: if they are always placed together.
+    pub joined: bool,
 }
 
 /// Orders one mesh, which has normals, by its edge collapses.
-pub fn order_part(mesh: &SourceMesh, boundary: Boundary) -> PartOutcome {
-    let mut outcomes =
-        order_body(vec![mesh.clone()], OrderOptions { boundary, ..OrderOptions::default() }, &());
-    // One mesh, one outcome.
-    outcomes.pop().unwrap_or(PartOutcome { cells: Vec::new(), weld: WeldCounts::default() })
+pub fn order_part(mesh: &SourceMesh, boundary: Boundary) -> BodyOutcome {
+    order_body(vec![mesh.clone()], OrderOptions { boundary, ..OrderOptions::default() }, &())
 }
 
-/// Orders the meshes of a body, which have normals, for somebody who waits, on the threads of rayon's current pool; one
-/// outcome a mesh. If stopped, outcomes lack cells.
-pub fn order_body(meshes: Vec<SourceMesh>, options: OrderOptions, watch: &dyn Watch) -> Vec<PartOutcome> {
+/// Orders the meshes of a body, which have normals, for somebody who waits, on the threads of rayon's current pool. If
+/// stopped, the outcome lacks cells.
+pub fn order_body(meshes: Vec<SourceMesh>, options: OrderOptions, watch: &dyn Watch) -> BodyOutcome {
     let Some(grid) = grid_around(&meshes) else {
-        return meshes.iter().map(|mesh| PartOutcome { cells: Vec::new(), weld: counts(mesh) }).collect();
+        return BodyOutcome { welds: meshes.iter().map(counts).collect(), ..BodyOutcome::default() };
     };
+    // Vertices have room for a colour or a slot.
+    let joinable = options.joined && meshes.iter().all(|mesh| mesh.colours.is_empty());
     // Each source mesh is given back as soon as it is welded.
-    let welded: Vec<Welded> = meshes.into_iter().map(|mesh| welded(&mesh, grid, options)).collect();
+    let mut welded: Vec<Welded> = meshes.into_iter().map(|mesh| welded(&mesh, grid, options)).collect();
     let shared = shared_borders(&welded);
-    welded
-        .into_par_iter()
-        .with_max_len(1)
-        .map(|mut welded| {
-            watch.done(welded.counts.source_triangles - welded.mesh.triangles.len());
-            welded.edges = Vec::new();
-            let is_shared = |position: &&[u32; 3]| shared.contains(*position);
-            welded.counts.shared = welded.mesh.positions.iter().filter(is_shared).count();
-            let cells = cells::cut(welded.mesh);
-            let cells = order_cells(cells, &shared, grid, options.boundary, watch);
-            PartOutcome { cells, weld: welded.counts }
-        })
-        .collect()
+    for welded in &mut welded {
+        welded.edges = Vec::new();
+        let is_shared = |position: &&[u32; 3]| shared.contains(*position);
+        welded.counts.shared = welded.mesh.positions.iter().filter(is_shared).count();
+        watch.done(welded.counts.source_triangles - welded.mesh.triangles.len());
+    }
+    let welds = welded.iter().map(|welded| welded.counts).collect();
+    let cells: Vec<Vec<Cell>> = welded.into_par_iter().map(|welded| cells::cut(welded.mesh)).collect();
+    let joined = joinable && cells.iter().map(Vec::len).sum::<usize>() <= MAX_JOINED_CELLS;
+    let none = FxHashSet::default();
+    let joining = Joining {
+        grid,
+        boundary: options.boundary,
+        locked: &none,
+        shared: &shared,
+        max_vertices: MAX_PART_VERTICES,
+    };
+    let ordered = if joined {
+        order_cells(cells, joining, watch)
+    } else {
+        order_apart(cells, Joining { locked: &shared, ..joining }, watch)
+    };
+    let (cells, mesh_of) = ordered.into_iter().unzip();
+    BodyOutcome { cells, mesh_of, welds, joined }
+}
+
+/// Orders each mesh by itself; what it shares with others stays locked.
+fn order_apart(cells: Vec<Vec<Cell>>, joining: Joining<'_>, watch: &dyn Watch) -> Vec<(OrderedPart, usize)> {
+    let apart = |(mesh, cells)| -> Vec<(OrderedPart, usize)> {
+        order_cells(vec![cells], joining, watch).into_iter().map(|(part, _)| (part, mesh)).collect()
+    };
+    let ordered: Vec<Vec<(OrderedPart, usize)>> =
+        cells.into_par_iter().with_max_len(1).enumerate().map(apart).collect();
+    ordered.into_iter().flatten().collect()
 }
 
 /// A mesh of a body on its way.

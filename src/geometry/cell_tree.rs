@@ -1,11 +1,15 @@
-//! The cells of one part in, all of them ordered out, with parent cells above them.
+//! The cells of a body in, all of them ordered out, with parent cells above them.
 //!
 //! Cells keep the positions that they share, so that they meet without cracks at any mix of levels; alone, these
-//! borders would set a floor to how coarse a large part can become. So neighbouring cells are joined in their coarsest
-//! states into a *parent cell*, in which the borders between them are ordinary edges, and which is ordered like any
-//! other; only what it shares with cells outside stays locked. Parents have parents, up to one root where that is
-//! possible. Of a path from a root to a leaf cell exactly one cell is drawn, and any such choice meets without cracks:
-//! a shared position is free only where all cells that have it lie below one parent.
+//! borders would set a floor to how coarse a large part can become, and spoil what is near it. So neighbouring cells
+//! are joined, each at a state of about the same error, into a *parent cell*, in which the borders between them are
+//! ordinary edges, and which is ordered like any other; only what it shares with cells outside stays locked. The children
+//! end at the states that were joined. Parents have parents, up to one root where that is possible. Of a path from a root
+//! to a leaf cell exactly one cell is drawn, and any such choice meets without cracks: a shared position is free only
+//! where all cells that have it lie below one parent.
+//!
+//! The meshes of a body, which differ in material, share borders too, and have common parents in which vertices carry a
+//! slot for their material.
 
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -13,10 +17,9 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::cells::Cell;
 use super::collapse::{Boundary, collapse_order};
 use super::order::{OrderedMesh, arrange};
-use super::part::{coarsest_share_is_high, error_samples};
-use super::record::{
-    CellPlace, Grid, MAX_PART_TRIANGLES, MAX_PART_VERTICES, OrderedPart, Stall, VertexRecord,
-};
+use super::part::{coarsest_share_is_high, diagonal, error_samples};
+use super::quantize::encode_slotted;
+use super::record::{CellPlace, Grid, MAX_PART_TRIANGLES, OrderedPart, Stall, VertexRecord};
 use super::tiers;
 use super::weld::{WeldedMesh, morton};
 
@@ -37,109 +40,121 @@ impl Watch for () {
     fn done(&self, _triangles: usize) {}
 }
 
+/// How the cells of a body are ordered and joined.
+#[derive(Debug, Clone, Copy)]
+pub struct Joining<'a> {
+    /// The grid of all of them.
+    pub grid: Grid,
+    /// What may happen to open boundaries.
+    pub boundary: Boundary,
+    /// Positions that stay locked, whatever is joined.
+    pub locked: &'a FxHashSet<[u32; 3]>,
+    /// Positions that leaf cells of several meshes share.
+    pub shared: &'a FxHashSet<[u32; 3]>,
+    /// The most vertices of a parent.
+    pub max_vertices: usize,
+}
+
+/// The most leaf cells that may have common parents: slots have 16 bits, and number all cells.
+pub const MAX_JOINED_CELLS: usize = 1 << 15;
+/// A parent starts with at most this share of the vertices of its children.
+const LARGEST_SHARE: f64 = 0.25;
+/// No more children than that a parent can start with this share of their vertices.
+const LEAST_SHARE: f64 = 1.0 / 16.0;
+
 /// An ordered cell, while its parent is looked for.
 struct Node {
-    part: OrderedPart,
-    /// The error of its coarsest state, in grid steps.
+    ordered: OrderedMesh,
+    coloured: bool,
+    slotted: bool,
+    /// The diagonal of its box, in grid steps.
+    diagonal: f64,
+    /// The number of its mesh in the body, the first one's for a parent of several.
+    mesh: usize,
+    /// What its finest state is off by already, in grid steps.
     error: f32,
     cause: Stall,
     parent: Option<usize>,
+    leaf_cells: u32,
 }
 
-/// Orders all cells of a part in parallel and puts parent cells above them.
+/// Orders the cells of the meshes of a body in parallel and puts parent cells above them. `cells` has a list for each
+/// mesh.
 ///
-/// Roots come first, and every parent before its children; [`OrderedPart::place`] says which is which. A watch that
-/// stops it makes the result incomplete.
-/// Positions in `shared` belong to borders with other parts and stay locked in all of them.
+/// Roots come first, and every parent before its children; [`OrderedPart::place`] says which is which. Of each also
+/// the number of its mesh, the first one's for a parent of several. A watch that stops it makes the result incomplete.
 pub fn order_cells(
-    cells: Vec<Cell>,
-    shared: &FxHashSet<[u32; 3]>,
-    grid: Grid,
-    boundary: Boundary,
+    cells: Vec<Vec<Cell>>,
+    joining: Joining<'_>,
     watch: &dyn Watch,
-) -> Vec<OrderedPart> {
-    order_cells_to(cells, shared, grid, boundary, watch, MAX_PART_VERTICES)
-}
-
-/// As [`order_cells`], with parents of at most so many vertices.
-pub fn order_cells_to(
-    cells: Vec<Cell>,
-    shared: &FxHashSet<[u32; 3]>,
-    grid: Grid,
-    boundary: Boundary,
-    watch: &dyn Watch,
-    max_vertices: usize,
-) -> Vec<OrderedPart> {
-    let leaf = |cell: Cell| {
-        let cell = with_locked(cell, shared);
-        let node = order_cell(&cell, grid, boundary, 0.0);
+) -> Vec<(OrderedPart, usize)> {
+    let leaf = |(mesh, cell): (usize, Cell)| {
+        let cell = with_locked(with_locked(cell, joining.locked), joining.shared);
+        let node = order_cell(&cell, mesh, joining, 0.0);
         watch.done(cell.mesh.triangles.len());
         node
     };
+    let of_mesh = |(mesh, cells): (usize, Vec<Cell>)| cells.into_iter().map(move |cell| (mesh, cell));
+    let cells: Vec<(usize, Cell)> = cells.into_iter().enumerate().flat_map(of_mesh).collect();
     let mut nodes: Vec<Node> =
         cells.into_par_iter().with_max_len(1).filter(|_| !watch.stopped()).map(leaf).collect();
+    let slots: FxHashMap<usize, u16> =
+        nodes.iter().enumerate().rev().map(|(node, leaf)| (leaf.mesh, node as u16)).collect();
     let mut roots: Vec<usize> = (0..nodes.len()).collect();
     while roots.len() > 1 && !watch.stopped() {
-        let groups = neighbours_that_fit(&nodes, &roots, max_vertices);
+        let groups = neighbours_that_fit(&nodes, &roots, joining.max_vertices);
         if groups.len() == roots.len() {
             break;
         }
-        roots = join_groups(&mut nodes, &groups, shared, grid, boundary);
+        roots = join_groups(&mut nodes, &groups, &slots, joining);
     }
-    parents_first(nodes)
+    parents_first(nodes, joining.grid)
 }
 
-fn with_locked(mut cell: Cell, shared: &FxHashSet<[u32; 3]>) -> Cell {
-    if !shared.is_empty() {
+fn with_locked(mut cell: Cell, positions: &FxHashSet<[u32; 3]>) -> Cell {
+    if !positions.is_empty() {
         for (position, locked) in cell.mesh.positions.iter().zip(&mut cell.locked) {
-            *locked |= shared.contains(position);
+            *locked |= positions.contains(position);
         }
     }
     cell
 }
 
 /// Orders one cell whose finest state is off by `error` grid steps already.
-fn order_cell(cell: &Cell, grid: Grid, boundary: Boundary, error: f32) -> Node {
-    let order = collapse_order(&cell.mesh, &cell.locked, boundary);
-    let mesh = arrange(&cell.mesh, &order);
+fn order_cell(cell: &Cell, mesh: usize, joining: Joining<'_>, error: f32) -> Node {
+    let order = collapse_order(&cell.mesh, &cell.locked, joining.boundary);
     Node {
-        error: error + mesh.error_at(mesh.locked),
-        part: stored(cell, mesh, grid, error),
+        ordered: arrange(&cell.mesh, &order),
+        coloured: cell.mesh.coloured,
+        slotted: cell.mesh.slotted,
+        diagonal: diagonal(&cell.mesh),
+        mesh,
+        error,
         cause: order.stall,
         parent: None,
+        leaf_cells: 0,
     }
 }
 
-fn stored(cell: &Cell, mesh: OrderedMesh, grid: Grid, error: f32) -> OrderedPart {
-    OrderedPart {
-        grid,
-        coloured: cell.mesh.coloured,
-        // The cut has seen to it that indices fit 16 bits.
-        ecol: mesh.ecol.iter().map(|&target| target as u16).collect(),
-        tiers: tiers::cut(&mesh),
-        locked: mesh.locked,
-        errors: error_samples(&mesh, &cell.mesh, error),
-        stall: Stall::None,
-        triangles_at: mesh.triangles_at,
-        vertices: mesh.vertices,
-        place: CellPlace::default(),
-    }
-}
-
-/// Cuts the list of roots, in which neighbours in space are mostly neighbours, where the coarsest states of more would
-/// not fit into one cell.
+/// Cuts the list of roots, in which neighbours in space are mostly neighbours, where more would not fit into one
+/// parent or would start it too coarse.
 fn neighbours_that_fit(nodes: &[Node], roots: &[usize], max_vertices: usize) -> Vec<Vec<usize>> {
     let mut groups: Vec<Vec<usize>> = Vec::new();
-    let (mut vertices, mut triangles) = (usize::MAX, usize::MAX);
+    let mut sums = [0.0; 3];
+    let limits = [max_vertices as f64, MAX_PART_TRIANGLES as f64, max_vertices as f64 / LEAST_SHARE];
     for &root in roots {
-        let part = &nodes[root].part;
-        vertices = vertices.saturating_add(part.locked as usize);
-        triangles = triangles.saturating_add(part.coarsest_triangles() as usize);
+        let mesh = &nodes[root].ordered;
+        let coarsest = mesh.triangles_at.count_at(mesh.locked as usize);
+        let own = [f64::from(mesh.locked), f64::from(coarsest), mesh.vertices.len() as f64];
+        let with_own: [f64; 3] = std::array::from_fn(|i| sums[i] + own[i]);
         match groups.last_mut() {
-            Some(group) if vertices <= max_vertices && triangles <= MAX_PART_TRIANGLES => group.push(root),
+            Some(group) if with_own.iter().zip(limits).all(|(&sum, limit)| sum <= limit) => {
+                group.push(root);
+                sums = with_own;
+            }
             _ => {
-                (vertices, triangles) = (part.locked as usize, part.coarsest_triangles() as usize);
                 groups.push(vec![root]);
+                sums = own;
             }
         }
     }
@@ -150,17 +165,19 @@ fn neighbours_that_fit(nodes: &[Node], roots: &[usize], max_vertices: usize) -> 
 fn join_groups(
     nodes: &mut Vec<Node>,
     groups: &[Vec<usize>],
-    shared: &FxHashSet<[u32; 3]>,
-    grid: Grid,
-    boundary: Boundary,
+    slots: &FxHashMap<usize, u16>,
+    joining: Joining<'_>,
 ) -> Vec<usize> {
+    for group in groups.iter().filter(|group| group.len() > 1) {
+        end_where_joined(nodes, group, joining.max_vertices);
+    }
     let owners = owners(nodes, groups.iter().flatten());
     let parent = |group: &Vec<usize>| {
         let children: Vec<&Node> = group.iter().map(|&node| &nodes[node]).collect();
-        let error = children.iter().map(|node| node.error).fold(0.0, f32::max);
-        let mut parent = order_cell(&with_locked(joined(&children, &owners), shared), grid, boundary, error);
-        parent.part.place.leaf_cells = children.iter().map(|node| node.part.place.leaf_cells.max(1)).sum();
-        parent
+        let error = children.iter().map(|node| node.coarsest_error()).fold(0.0, f32::max);
+        let cell = with_locked(joined(&children, &owners, slots), joining.locked);
+        let leaf_cells = children.iter().map(|node| node.leaf_cells.max(1)).sum();
+        Node { leaf_cells, ..order_cell(&cell, children[0].mesh, joining, error) }
     };
     let parents: Vec<Option<Node>> =
         groups.par_iter().with_max_len(1).map(|group| (group.len() > 1).then(|| parent(group))).collect();
@@ -179,42 +196,109 @@ fn join_groups(
     roots
 }
 
+/// Ends some nodes at states of the same error, as fine as their parent has room for.
+fn end_where_joined(nodes: &mut [Node], group: &[usize], max_vertices: usize) {
+    let vertices: usize = group.iter().map(|&node| nodes[node].ordered.vertices.len()).sum();
+    let room = (vertices as f64 * LARGEST_SHARE).min(max_vertices as f64) as u64;
+    let fits = |error: f32| {
+        let states = || group.iter().map(|&node| (&nodes[node], nodes[node].state_of_error(error)));
+        let vertices: u64 = states().map(|(_, vn)| u64::from(vn)).sum();
+        let triangles: u64 =
+            states().map(|(node, vn)| u64::from(node.ordered.triangles_at.count_at(vn as usize))).sum();
+        vertices <= room && triangles <= MAX_PART_TRIANGLES as u64
+    };
+    // Positive floats are ordered as their bits are. If nothing fits, the coarsest states must do.
+    let (mut low, mut high) = (0, f32::MAX.to_bits());
+    while low < high {
+        let middle = low + (high - low) / 2;
+        if fits(f32::from_bits(middle)) { high = middle } else { low = middle + 1 }
+    }
+    for &node in group {
+        let vn = nodes[node].state_of_error(f32::from_bits(low));
+        nodes[node].ordered.end_at(vn);
+    }
+}
+
+impl Node {
+    /// The coarsest state with at most this error in grid steps; the finest if all have more.
+    fn state_of_error(&self, error: f32) -> u32 {
+        let states = &self.ordered.state_errors;
+        let after = states.partition_point(|&(_, own)| self.error + own <= error);
+        states[after.saturating_sub(1)].0
+    }
+
+    fn coarsest_error(&self) -> f32 {
+        self.error + self.ordered.error_at(self.ordered.locked)
+    }
+
+    /// The vertices of its coarsest state; in a parent of several meshes with the slots of these. There a slot is
+    /// the node of the first leaf cell of its mesh, until all nodes have their final numbers.
+    fn coarsest_vertices(&self, slots: &FxHashMap<usize, u16>, slotted: bool) -> Vec<VertexRecord> {
+        let slot = slots.get(&self.mesh).copied().unwrap_or(0);
+        let with_slot = |vertex: &VertexRecord| {
+            VertexRecord::new(vertex.grid(), encode_slotted(vertex.normal(self.coloured), slot))
+        };
+        let vertices = self.ordered.vertices[..self.ordered.locked as usize].iter();
+        if slotted && !self.slotted { vertices.map(with_slot).collect() } else { vertices.copied().collect() }
+    }
+
+    fn coarsest_positions(&self) -> Vec<u64> {
+        let coarsest = &self.ordered.vertices[..self.ordered.locked as usize];
+        let mut positions: Vec<u64> = coarsest.iter().map(|vertex| vertex.packed_position()).collect();
+        positions.sort_unstable();
+        positions.dedup();
+        positions
+    }
+
+    fn into_part(self, grid: Grid) -> OrderedPart {
+        OrderedPart {
+            grid,
+            coloured: self.coloured,
+            slotted: self.slotted,
+            // The cut has seen to it that indices fit 16 bits.
+            ecol: self.ordered.ecol.iter().map(|&target| target as u16).collect(),
+            tiers: tiers::cut(&self.ordered),
+            locked: self.ordered.locked,
+            errors: error_samples(&self.ordered, self.diagonal, self.error),
+            stall: Stall::None,
+            triangles_at: self.ordered.triangles_at,
+            vertices: self.ordered.vertices,
+            place: CellPlace { parent_distance: 0, leaf_cells: self.leaf_cells },
+        }
+    }
+}
+
 /// How many of some nodes have each position in their coarsest state.
 fn owners<'a>(nodes: &[Node], of: impl Iterator<Item = &'a usize>) -> FxHashMap<u64, u32> {
     let mut owners = FxHashMap::default();
     for &node in of {
-        for position in coarsest_positions(&nodes[node].part) {
+        for position in nodes[node].coarsest_positions() {
             *owners.entry(position).or_insert(0) += 1;
         }
     }
     owners
 }
 
-fn coarsest_positions(part: &OrderedPart) -> Vec<u64> {
-    let coarsest = &part.vertices[..part.locked as usize];
-    let mut positions: Vec<u64> = coarsest.iter().map(|vertex| vertex.packed_position()).collect();
-    positions.sort_unstable();
-    positions.dedup();
-    positions
-}
-
 /// The coarsest states of some cells as one mesh, locked where cells outside share a position.
-fn joined(children: &[&Node], owners: &FxHashMap<u64, u32>) -> Cell {
-    let parts = || children.iter().map(|node| &node.part);
+fn joined(children: &[&Node], owners: &FxHashMap<u64, u32>, slots: &FxHashMap<usize, u16>) -> Cell {
+    let slotted = children.iter().any(|node| node.slotted || node.mesh != children[0].mesh);
+    let coloured = slotted || children.iter().any(|node| node.coloured);
     let key = |record: &VertexRecord| (morton(record.grid()), record.attributes());
-    let mut records: Vec<VertexRecord> =
-        parts().flat_map(|part| &part.vertices[..part.locked as usize]).copied().collect();
+    let vertices: Vec<Vec<VertexRecord>> =
+        children.iter().map(|node| node.coarsest_vertices(slots, slotted)).collect();
+    let mut records = vertices.concat();
     records.sort_unstable_by_key(key);
     records.dedup();
-    let mut mesh = WeldedMesh { coloured: parts().any(|part| part.coloured), ..WeldedMesh::default() };
+    let mut mesh = WeldedMesh { coloured, slotted, ..WeldedMesh::default() };
     let mut inside = FxHashMap::default();
-    for part in parts() {
-        let wedge = |vertex: u16| {
-            let own = key(&part.vertices[usize::from(vertex)]);
+    for (node, vertices) in children.iter().zip(&vertices) {
+        let wedge = |vertex: u32| {
+            let own = key(&vertices[vertex as usize]);
             records.partition_point(|other| key(other) < own) as u32
         };
-        mesh.triangles.extend(part.reformed(part.locked).into_iter().map(|t| t.map(wedge)));
-        for position in coarsest_positions(part) {
+        let triangles = node.ordered.reformed(node.ordered.locked);
+        mesh.triangles.extend(triangles.into_iter().map(|triangle| triangle.map(wedge)));
+        for position in node.coarsest_positions() {
             *inside.entry(position).or_insert(0) += 1;
         }
     }
@@ -234,20 +318,51 @@ fn joined(children: &[&Node], owners: &FxHashMap<u64, u32>) -> Cell {
 }
 
 /// Turns the list round, so that parents come before their children, and says of every cell where it stands.
-fn parents_first(mut nodes: Vec<Node>) -> Vec<OrderedPart> {
-    for (i, node) in nodes.iter_mut().enumerate() {
-        node.part.place.parent_distance = node.parent.map_or(0, |parent| (parent - i) as u32);
+fn parents_first(nodes: Vec<Node>, grid: Grid) -> Vec<(OrderedPart, usize)> {
+    let finished: Vec<(OrderedPart, usize, Option<Stall>)> = nodes
+        .into_par_iter()
+        .with_max_len(1)
+        .enumerate()
+        .map(|(number, node)| {
+            let (mesh, parent, cause) = (node.mesh, node.parent, node.cause);
+            let mut part = node.into_part(grid);
+            part.place.parent_distance = parent.map_or(0, |parent| (parent - number) as u32);
+            if part.slotted {
+                number_slots(&mut part, number);
+            }
+            (part, mesh, parent.is_none().then_some(cause))
+        })
+        .collect();
+    let mut parts: Vec<(OrderedPart, usize)> = Vec::with_capacity(finished.len());
+    let mut causes = Vec::with_capacity(finished.len());
+    for (part, mesh, cause) in finished.into_iter().rev() {
+        parts.push((part, mesh));
+        causes.push(cause);
     }
-    nodes.reverse();
-    let places: Vec<CellPlace> = nodes.iter().map(|node| node.part.place).collect();
-    let triangles = sums_below(&places, |i| nodes[i].part.triangle_count().into());
-    for (node, triangles) in nodes.iter_mut().zip(triangles).filter(|(node, _)| node.parent.is_none()) {
-        if coarsest_share_is_high(node.part.coarsest_triangles(), triangles) {
-            // A part that keeps more than a tenth of its triangles always has a cause.
-            node.part.stall = if node.cause == Stall::None { Stall::Least } else { node.cause };
+    name_stalls(&mut parts, &causes);
+    parts
+}
+
+/// Roots that keep more than a tenth of the triangles that they stand for always have a cause.
+fn name_stalls(parts: &mut [(OrderedPart, usize)], causes: &[Option<Stall>]) {
+    let places: Vec<CellPlace> = parts.iter().map(|(part, _)| part.place).collect();
+    let triangles = sums_below(&places, |i| parts[i].0.triangle_count().into());
+    for (i, (part, _)) in parts.iter_mut().enumerate() {
+        let Some(cause) = causes[i] else { continue };
+        if coarsest_share_is_high(part.coarsest_triangles(), triangles[i]) {
+            part.stall = if cause == Stall::None { Stall::Least } else { cause };
         }
     }
-    nodes.into_iter().map(|node| node.part).collect()
+}
+
+/// Turns the leaf nodes in the slots of node `number` into distances to them.
+fn number_slots(part: &mut OrderedPart, number: usize) {
+    for vertex in &mut part.vertices {
+        let leaf = (vertex.attributes() >> 16) as usize;
+        // A leaf comes before its parents, and all are fewer than 2^16.
+        let attributes = vertex.attributes() & 0xffff | ((number - leaf) as u32) << 16;
+        *vertex = VertexRecord::new(vertex.grid(), attributes);
+    }
 }
 
 /// For every cell, given parents first, the sum of a value over the leaf cells below it; its own value for a leaf.

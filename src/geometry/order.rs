@@ -102,6 +102,21 @@ fn state_errors(vertices: usize, order: &CollapseOrder) -> Vec<(u32, f32)> {
 }
 
 impl OrderedMesh {
+    /// Ends the order at a state: what is left there is never removed.
+    pub fn end_at(&mut self, vn: u32) {
+        let coarsest = self.triangles_at.count_at(vn as usize);
+        let mut added = Vec::with_capacity(self.vertices.len());
+        push_group(&mut added, vn as usize, coarsest);
+        for vertex in vn as usize..self.vertices.len() {
+            let counts = [vertex, vertex + 1].map(|count| self.triangles_at.count_at(count));
+            added.push(self.triangles_at.is_state(vertex + 1).then(|| counts[1] - counts[0]));
+        }
+        self.triangles_at = TrianglesAt::from_added(added);
+        self.locked = vn;
+        self.ecol[..vn as usize].iter_mut().zip(0..).for_each(|(target, vertex)| *target = vertex);
+        self.state_errors.retain(|&(count, _)| count >= vn);
+    }
+
     /// Walks `ecol` until below `vn` (the paper's Algorithm 4, Collapsing).
     pub fn resolve(&self, mut vertex: u32, vn: u32) -> u32 {
         while vertex >= vn {

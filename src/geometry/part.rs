@@ -12,8 +12,7 @@ pub fn coarsest_share_is_high(coarsest: u32, triangles: u64) -> bool {
 
 /// The codes of the error at `m * 2^(-j/2)` vertices, relative to the diagonal of the box in grid steps.
 /// `error` is what the finest state is off by already.
-pub(super) fn error_samples(mesh: &OrderedMesh, welded: &WeldedMesh, error: f32) -> [u8; ERROR_SAMPLES] {
-    let diagonal = diagonal(welded);
+pub(super) fn error_samples(mesh: &OrderedMesh, diagonal: f64, error: f32) -> [u8; ERROR_SAMPLES] {
     std::array::from_fn(|j| {
         let vn = sampled_count(mesh.vertices.len() as u32, j);
         error_code(f64::from(error + mesh.error_at(vn)), diagonal)
@@ -25,7 +24,8 @@ pub fn sampled_count(m: u32, j: usize) -> u32 {
     (f64::from(m) * (-(j as f64) / 2.0).exp2()).floor() as u32
 }
 
-fn diagonal(mesh: &WeldedMesh) -> f64 {
+/// The diagonal of a mesh's box, in grid steps.
+pub(super) fn diagonal(mesh: &WeldedMesh) -> f64 {
     let extent = [0, 1, 2].map(|axis| {
         let along = || mesh.positions.iter().map(|p| p[axis]);
         f64::from(along().max().unwrap_or(0) - along().min().unwrap_or(0))

@@ -75,6 +75,11 @@ pub fn encode_coloured(normal: [f32; 3], [r, g, b, _]: [u8; 4]) -> u32 {
     u32::from(x) | u32::from(y) << 8 | rgb << 16
 }
 
+/// Encodes a normal in 2 x 8 bits and a material slot in 16.
+pub fn encode_slotted(normal: [f32; 3], slot: u16) -> u32 {
+    encode_coloured(normal, [0; 4]) & 0xffff | u32::from(slot) << 16
+}
+
 /// Decodes what [`encode_coloured`] made: the normal and the colour with full alpha.
 pub fn decode_coloured(word: u32) -> ([f32; 3], [u8; 4]) {
     let normal = unfold([word as u8, (word >> 8) as u8].map(|c| (f32::from(c as i8) / 127.0).max(-1.0)));

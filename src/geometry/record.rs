@@ -17,7 +17,7 @@ pub const GRID_BITS: u32 = 21;
 ///
 /// Words 0 and 1 are the low and high half of a `u64` with the grid coordinates x, y, z in bits 0..21, 21..42, 42..63.
 /// Word 2 is an octahedral normal of 2 x 16 bits (x low), or in parts flagged as coloured an octahedral normal of
-/// 2 x 8 bits in the low half and RGB 5-6-5 in the high half (red highest).
+/// 2 x 8 bits in the low half and RGB 5-6-5 in the high half (red highest), or in slotted parts a slot there.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Pod, Zeroable, PartialOrd, Ord)]
 pub struct VertexRecord {
@@ -95,8 +95,11 @@ impl Grid {
 pub struct OrderedPart {
     /// Where grid coordinates lie in part space.
     pub grid: Grid,
-    /// Whether vertices carry colours.
+    /// Whether vertices carry colours, or in a slotted part slots.
     pub coloured: bool,
+    /// Whether vertices carry material slots in the place of colours: a parent cell whose leaf cells have several
+    /// materials. Slot `s` is the material of the instance that follows the part's own by `s`.
+    pub slotted: bool,
     /// All `m` vertices; the last is the first to be removed.
     pub vertices: Vec<VertexRecord>,
     /// For each vertex the one that it collapses onto: smaller than its own index, or equal for a locked vertex.

@@ -29,8 +29,10 @@ pub struct WeldedMesh {
     pub wedge_position: Vec<u32>,
     /// Three wedges a triangle; no two corners share a position.
     pub triangles: Vec<[u32; 3]>,
-    /// Whether wedges carry colours.
+    /// Whether wedges carry colours, or slots.
     pub coloured: bool,
+    /// Whether wedges carry material slots in the place of colours.
+    pub slotted: bool,
     /// Triangles dropped because two corners share a position.
     pub degenerate: usize,
     /// Triangles dropped because an earlier one has the same corners, whichever way it faces.
@@ -182,6 +184,7 @@ impl WeldedMesh {
         let again = weld_records(&records, &self.triangles, self.coloured);
         let (degenerate, duplicate) = (self.degenerate, self.duplicate);
         *self = Self {
+            slotted: self.slotted,
             degenerate: again.degenerate + degenerate,
             duplicate: again.duplicate + duplicate,
             ..again

@@ -70,7 +70,9 @@ mod tests {
     use crate::geometry::weld::{grid_of, weld};
     use crate::import::SourceMesh;
 
-    /// Two squares side by side whose common edge is off by `gap`, on a grid of 2^-20.
+    const STEP: f64 = 1.0 / (1u32 << 19) as f64;
+
+    /// Two squares side by side whose common edge is off by `gap`, on a grid of [`STEP`].
     fn squares(gap: f32) -> WeldedMesh {
         let mesh = SourceMesh {
             positions: vec![
@@ -87,7 +89,9 @@ mod tests {
             triangles: vec![[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]],
             ..SourceMesh::default()
         };
-        weld(&mesh, grid_of(&mesh).unwrap())
+        let grid = grid_of(&mesh).unwrap();
+        assert_eq!(grid.step(), STEP);
+        weld(&mesh, grid)
     }
 
     fn open_edges(mesh: &WeldedMesh) -> usize {
@@ -97,7 +101,7 @@ mod tests {
     #[test]
     fn a_gap_below_the_tolerance_is_closed() {
         let mut mesh = squares(0.01);
-        let steps = 0.011 * f64::from(1u32 << 20);
+        let steps = 0.011 / STEP;
         let edges = position_edges(&mesh);
         assert_eq!(open_edges(&mesh), 8);
         assert_eq!(close_gaps(&mut mesh.clone(), &edges, 0.9 * steps), 0);

@@ -77,13 +77,18 @@ pub struct InstanceRow {
     pub columns: [[f32; 4]; 3],
     /// The translation's low part.
     pub translation_low: [f32; 3],
-    /// sRGB in the low 24 bits, red lowest, and [`InstanceRow::COLOURED`].
+    /// sRGB in the low 24 bits, red lowest, and [`InstanceRow::COLOURED`]; or with [`InstanceRow::SLOTTED`] the number
+    /// of the row whose colour slot 0 has.
     pub colour: u32,
 }
 
 impl InstanceRow {
     /// Bit of `colour`: the part's vertices carry colours, and the row's is not used.
     pub const COLOURED: u32 = 1 << 24;
+
+    /// Bit of `colour`: the part's vertices carry slots, and the low 24 bits are the number of a row: the colour of slot
+    /// `s` is that of the row `s` after it.
+    pub const SLOTTED: u32 = 1 << 25;
 
     /// The row of a part on `grid`, placed by `world_from_part`.
     pub fn new(world_from_part: DAffine3, grid: Grid, colour: Colour, coloured: bool) -> Self {

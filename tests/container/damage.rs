@@ -26,7 +26,12 @@ fn every_contradiction_in_the_tables_is_named() {
     let cases = [
         (0, 0, 20, 0x7ff0_0000, "part 0: its box is not finite"),
         (0, 0, 24, 1001, "part 0: its grid's step"),
-        (0, 0, 28, 4, "part 0: its flags"),
+        (0, 0, 28, 8, "part 0: its flags"),
+        (0, 0, 28, 4, "part 0: it has material slots"),
+        (0, 1, 116, 2, "part 1: its parent cell is 2 parts before it"),
+        (0, 1, 116, 1, "part 1: its parent cell, part 0, is none"),
+        (0, 0, 120, 2, "part 0: it stands for 2 leaf cells and has 0"),
+        (0, 0, 124, 1, "part 0: its reserved bytes"),
         (0, 1, 32, u32::MAX, "part 1: its box is empty"),
         (0, 1, 44, 1 << 21, "outside 21 bits"),
         (0, 1, 56, 65_537, "part 1: it has 65537 vertices"),

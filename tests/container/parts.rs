@@ -128,6 +128,7 @@ pub fn ordered(mesh: &Mesh) -> OrderedPart {
     OrderedPart {
         grid: Grid { origin: [-1.5, 0.25, 1024.0], step_exponent: -10 },
         coloured: false,
+        slotted: false,
         vertices,
         ecol,
         triangles_at,

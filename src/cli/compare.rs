@@ -1,10 +1,11 @@
 //! `collapsar compare`: a model and its container in, the error of the levels of detail out.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
 use clap::Args;
+use collapsar::compare::plot::{self, PlotError};
 use collapsar::compare::{
     CompareError, CompareOptions, CompareProgress, Comparison, Figures, PartRow, RatioRow, compare,
 };
@@ -14,12 +15,14 @@ use collapsar::scene::mapped::MappedFile;
 use collapsar::stats::report::human;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::bake::printable;
 use super::{Failure, interrupt, output, values};
 
 /// Arguments of `compare`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:\n  \
     collapsar compare engine.glb engine.clps\n  \
+    collapsar compare engine.glb engine.clps --plot engine.svg\n  \
     collapsar compare engine.glb engine.clps --ratios 0.3,0.03 --csv\n\n\
     Each part is measured against its welded original, both ways, in its own space; parts are pooled by area. \
     Lengths are in the unit of the parts' own spaces, and in millionths of the diagonal of the largest part's box. \
@@ -35,6 +38,9 @@ pub struct CompareArguments {
     /// Points on the surfaces of all parts together, dealt by area; a part gets at least 500.
     #[arg(long, value_name = "N", default_value = "200k", value_parser = values::count)]
     samples: u32,
+    /// Plot the error over the triangles, at a dozen counts more.
+    #[arg(long, value_name = "OUT.svg|OUT.png")]
+    plot: Option<PathBuf>,
     /// Measure the container's levels of detail alone.
     #[arg(long)]
     no_meshoptimizer: bool,
@@ -48,12 +54,21 @@ pub struct CompareArguments {
 
 /// Runs `compare`.
 pub fn run(arguments: &CompareArguments) -> Result<(), Failure> {
+    let plot = arguments.plot.as_deref().map(|path| drawer(path).map(|draw| (path, draw))).transpose()?;
+    let mut ratios = arguments.ratios.clone();
+    if plot.is_some() {
+        ratios.extend(plot::ratios());
+    }
     let options = CompareOptions {
-        ratios: arguments.ratios.clone(),
+        ratios,
         samples: arguments.samples as usize,
         meshoptimizer: !arguments.no_meshoptimizer,
     };
-    let comparison = compare_with_progress(arguments, &options)?;
+    let mut comparison = compare_with_progress(arguments, &options)?;
+    if let Some((path, draw)) = plot {
+        write_plot(arguments, path, draw, &comparison)?;
+        comparison.keep_first(arguments.ratios.len());
+    }
     if arguments.json {
         output::print_json(&comparison)
     } else if arguments.csv {
@@ -61,6 +76,34 @@ pub fn run(arguments: &CompareArguments) -> Result<(), Failure> {
     } else {
         output::print_text(&describe(&comparison))
     }
+}
+
+/// What makes the bytes of a picture.
+type Drawer = fn(&Comparison, &str) -> Result<Vec<u8>, PlotError>;
+
+/// Picks the format by extension, and says early what would stop the writing late.
+fn drawer(path: &Path) -> Result<Drawer, Failure> {
+    let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+    let drawer: Drawer = match extension.as_deref() {
+        Some("svg") => plot::svg,
+        Some("png") => plot::png,
+        _ => return Err(Failure::Argument(format!("the plot must end in .svg or .png: {}", path.display()))),
+    };
+    output::check_file(path)?;
+    Ok(drawer)
+}
+
+fn write_plot(
+    arguments: &CompareArguments,
+    path: &Path,
+    draw: Drawer,
+    comparison: &Comparison,
+) -> Result<(), Failure> {
+    let name = arguments.original.file_name().unwrap_or_default().to_string_lossy();
+    let title = format!("{}: error of its levels of detail", printable(&name));
+    let bytes = draw(comparison, &title)
+        .map_err(|error| Failure::Argument(format!("{error}: {}", path.display())))?;
+    output::write_whole(path, |out| out.write_all(&bytes))
 }
 
 /// Compares with a progress bar on standard error and a way to stop.

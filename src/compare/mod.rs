@@ -3,8 +3,9 @@
 //! Every source part goes its own way, in parallel: [`source`] welds its mesh as the bake did and finds its cells in
 //! the container; [`states`] picks the state of every cell for a share of the triangles; meshoptimizer's `simplify`
 //! brings the welded mesh to the same count; [`measure`](crate::measure) compares both with the welded mesh in part
-//! space. [`Comparison`] pools the parts.
+//! space. [`Comparison`] pools the parts, and [`plot`] draws them.
 
+pub mod plot;
 mod report;
 mod source;
 pub mod states;

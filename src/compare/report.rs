@@ -98,6 +98,12 @@ impl Comparison {
             part_rows: part_rows.collect(),
         }
     }
+
+    /// Forgets all ratios but the first so many.
+    pub fn keep_first(&mut self, ratios: usize) {
+        self.rows.truncate(ratios);
+        self.part_rows.truncate(ratios * self.parts as usize);
+    }
 }
 
 impl RatioRow {

@@ -2,7 +2,7 @@
 
 use crate::workplace::Workplace;
 
-const VERBS: [&str; 6] = ["bake", "info", "verify", "export", "fly", "demo"];
+const VERBS: [&str; 7] = ["bake", "info", "verify", "export", "compare", "fly", "demo"];
 
 fn help(arguments: &[&str]) -> String {
     let outcome = Workplace::new().run(arguments).succeeded();
@@ -56,6 +56,10 @@ fn every_verb_has_its_arguments() {
         ("info", &["FILE", "--json", "--parts"]),
         ("verify", &["FILE"]),
         ("export", &["FILE", "--part", "--vertices", "--error", "--ratio", "--output"]),
+        (
+            "compare",
+            &["ORIGINAL", "FILE", "--ratios", "--samples", "--plot", "--no-meshoptimizer", "--csv", "--json"],
+        ),
         (
             "fly",
             &[

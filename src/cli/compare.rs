@@ -36,8 +36,11 @@ pub struct CompareArguments {
     #[arg(long, value_name = "SHARE,...", value_delimiter = ',', default_value = "0.5,0.25,0.1,0.02", value_parser = values::ratio)]
     ratios: Vec<f64>,
     /// Points on the surfaces of all parts together, dealt by area; a part gets at least 500.
-    #[arg(long, value_name = "N", default_value = "200k", value_parser = values::count)]
+    #[arg(long, value_name = "N", default_value = "200k", value_parser = sample_count)]
     samples: u32,
+    /// Leave out parts of fewer triangles, of which no share means much.
+    #[arg(long, value_name = "N", default_value = "1", value_parser = values::count)]
+    least_triangles: u32,
     /// Plot the error over the triangles, at a dozen counts more.
     #[arg(long, value_name = "OUT.svg|OUT.png")]
     plot: Option<PathBuf>,
@@ -52,6 +55,15 @@ pub struct CompareArguments {
     json: bool,
 }
 
+/// As many points as fit a gigabyte with what is found at each.
+const MOST_SAMPLES: u32 = 10_000_000;
+
+fn sample_count(text: &str) -> Result<u32, String> {
+    values::count(text).and_then(|count| {
+        if count <= MOST_SAMPLES { Ok(count) } else { Err(format!("must be at most {MOST_SAMPLES}")) }
+    })
+}
+
 /// Runs `compare`.
 pub fn run(arguments: &CompareArguments) -> Result<(), Failure> {
     let plot = arguments.plot.as_deref().map(|path| drawer(path).map(|draw| (path, draw))).transpose()?;
@@ -62,6 +74,7 @@ pub fn run(arguments: &CompareArguments) -> Result<(), Failure> {
     let options = CompareOptions {
         ratios,
         samples: arguments.samples as usize,
+        least_triangles: arguments.least_triangles.into(),
         meshoptimizer: !arguments.no_meshoptimizer,
     };
     let mut comparison = compare_with_progress(arguments, &options)?;
@@ -138,6 +151,9 @@ fn in_file(error: CompareError, arguments: &CompareArguments) -> Failure {
         }
         CompareError::Mismatch { .. } => {
             Failure::Mismatch(format!("{error}: {}", arguments.original.display()))
+        }
+        CompareError::NothingToCompare { .. } => {
+            Failure::Argument(format!("{error}: {}", arguments.file.display()))
         }
         CompareError::Interrupted => error.into(),
     }

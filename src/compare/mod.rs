@@ -36,6 +36,12 @@ pub enum CompareError {
         /// The first difference.
         difference: String,
     },
+    /// Every part was to be left out.
+    #[error("no part has {least_triangles} triangles; ask for fewer")]
+    NothingToCompare {
+        /// How many a part had to have.
+        least_triangles: u64,
+    },
     /// The user asked to stop.
     #[error("interrupted; nothing was compared")]
     Interrupted,
@@ -48,6 +54,8 @@ pub struct CompareOptions {
     pub ratios: Vec<f64>,
     /// Points on the surfaces of all parts together, for each measurement; small parts get [`LEAST_SAMPLES`].
     pub samples: usize,
+    /// Parts of fewer triangles are left out.
+    pub least_triangles: u64,
     /// Whether to run meshoptimizer.
     pub meshoptimizer: bool,
 }
@@ -101,6 +109,7 @@ struct Level {
 /// One part at all ratios.
 #[derive(Debug, Clone, Default, PartialEq)]
 struct PartOutcome {
+    number: u32,
     name: String,
     cells: u64,
     triangles: u64,
@@ -122,7 +131,11 @@ pub fn compare(
     progress: &CompareProgress,
 ) -> Result<Comparison, CompareError> {
     let container = Container::open(bytes)?;
-    let sources = source::matched(model, &container)?;
+    let mut sources = source::matched(model, &container)?;
+    sources.retain(|source| source.triangles >= options.least_triangles);
+    if sources.is_empty() {
+        return Err(CompareError::NothingToCompare { least_triangles: options.least_triangles });
+    }
     let triangles: u64 = sources.iter().map(|source| source.triangles).sum();
     let ratios = options.ratios.len() as u64;
     progress.triangles_total.store(triangles * ratios, Ordering::Relaxed);
@@ -200,6 +213,7 @@ fn compare_part(
         progress.triangles_done.fetch_add(source.triangles, Ordering::Relaxed);
     }
     Ok(PartOutcome {
+        number: source.number,
         name: source.name.to_owned(),
         cells: cells.len() as u64,
         triangles: source.triangles,

@@ -7,7 +7,7 @@ use super::{Level, PartOutcome};
 /// The error of a container's levels of detail.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Comparison {
-    /// Source parts.
+    /// Source parts that were compared.
     pub parts: u64,
     /// Triangles of all of them.
     pub triangles: u64,
@@ -64,7 +64,7 @@ pub struct Figures {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PartRow {
     /// Number of the source part, from 0.
-    pub part: usize,
+    pub part: u32,
     /// Its name.
     pub name: String,
     /// How many cells it has.
@@ -86,10 +86,8 @@ pub struct PartRow {
 impl Comparison {
     pub(super) fn pooled(ratios: &[f64], outcomes: &[PartOutcome]) -> Self {
         let rows = ratios.iter().enumerate().map(|(nth, &ratio)| RatioRow::pooled(ratio, nth, outcomes));
-        let part_rows = (0..ratios.len()).flat_map(|nth| {
-            let numbered = outcomes.iter().enumerate();
-            numbered.map(move |(part, outcome)| PartRow::of(part, outcome, ratios[nth], nth))
-        });
+        let part_rows = (0..ratios.len())
+            .flat_map(|nth| outcomes.iter().map(move |outcome| PartRow::of(outcome, ratios[nth], nth)));
         Self {
             parts: outcomes.len() as u64,
             triangles: outcomes.iter().map(|outcome| outcome.triangles).sum(),
@@ -185,11 +183,11 @@ impl PartRow {
         "stated_max",
     ];
 
-    fn of(part: usize, outcome: &PartOutcome, ratio: f64, nth: usize) -> Self {
+    fn of(outcome: &PartOutcome, ratio: f64, nth: usize) -> Self {
         let figures = |level: Level| level.error.map(|_| Figures::pooled(&[(1.0, level)]));
         let measured = &outcome.at[nth];
         Self {
-            part,
+            part: outcome.number,
             name: outcome.name.clone(),
             cells: outcome.cells,
             triangles: outcome.triangles,
@@ -244,7 +242,15 @@ mod tests {
 
     fn part(area: f64, ours: Level, other: Option<Level>) -> PartOutcome {
         let at = vec![Measured { ours, meshoptimizer: other, stated: Some(3.0) }];
-        PartOutcome { name: "a \"b\", c".into(), area, diagonal: area, at, triangles: 10, cells: 1 }
+        PartOutcome {
+            name: "a \"b\", c".into(),
+            area,
+            diagonal: area,
+            at,
+            triangles: 10,
+            cells: 1,
+            number: 0,
+        }
     }
 
     #[test]

@@ -12,6 +12,8 @@ use crate::import::{Model, SourceMesh};
 
 /// A mesh of the model and the cells that the container has of it.
 pub(super) struct Source<'a> {
+    /// Its number in the container.
+    pub number: u32,
     pub name: &'a str,
     mesh: &'a SourceMesh,
     /// The grid of the mesh and of all its cells.
@@ -88,6 +90,7 @@ impl<'a> Source<'a> {
             corners.reduce(|a, b| std::array::from_fn(|axis| pick(a[axis], b[axis]))).unwrap_or_default()
         };
         Ok(Self {
+            number: rows.first().map_or(0, |row| row.source),
             name,
             mesh,
             grid,

@@ -13,7 +13,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use collapsar::import::{self, SourceMesh};
-use collapsar::measure::{Sampling, Surface, SurfaceError, surface_error};
+use collapsar::measure::{OneWay, Sampling, Surface, SurfaceError, surface_error};
 use common::{bundled, height_field, patched_box, sphere};
 use glam::DVec3;
 
@@ -146,39 +146,51 @@ fn pairs() -> Vec<(&'static str, SourceMesh, SourceMesh)> {
 /// What `mesh_error.py` found, in shares of the diagonal, and degrees.
 struct Golden {
     name: &'static str,
-    lost: [f64; 5],
-    invented: [f64; 5],
+    lost: ([f64; 4], Option<f64>),
+    invented: ([f64; 4], Option<f64>),
 }
 
-/// RMS, mean, 99th percentile, maximum, normal deviation.
+/// RMS, mean, 99th percentile, maximum; and normal deviation, but for the box: there many closest points lie on an
+/// edge of two faces at right angles, and which face a program names is its own affair.
 const GOLDEN: [Golden; 4] = [
     Golden {
         name: "field",
-        lost: [0.00133767, 0.00106914, 0.00312809, 0.00371437, 5.54786],
-        invented: [0.00133582, 0.00106773, 0.00313722, 0.00366607, 5.56376],
+        lost: ([0.00133767, 0.00106914, 0.00312809, 0.00371437], Some(5.54786)),
+        invented: ([0.00133582, 0.00106773, 0.00313722, 0.00366607], Some(5.56376)),
     },
     Golden {
         name: "sphere",
-        lost: [0.0064157, 0.00592844, 0.0108837, 0.0115134, 7.83161],
-        invented: [0.00641469, 0.00592819, 0.010887, 0.0114585, 7.89214],
+        lost: ([0.0064157, 0.00592844, 0.0108837, 0.0115134], Some(7.83161)),
+        invented: ([0.00641469, 0.00592819, 0.010887, 0.0114585], Some(7.89214)),
     },
     Golden {
         name: "box",
-        lost: [0.0653602, 0.0535583, 0.122831, 0.13784, 17.9015],
-        invented: [0.0535979, 0.0435084, 0.11547, 0.11547, 21.5685],
+        lost: ([0.0653602, 0.0535583, 0.122831, 0.13784], None),
+        invented: ([0.0535979, 0.0435084, 0.11547, 0.11547], None),
     },
     Golden {
         name: "truck",
-        lost: [0.000187481, 5.38994e-05, 0.000911034, 0.00230812, 1.9314],
-        invented: [0.0, 0.0, 0.0, 0.0, 0.0],
+        lost: ([0.000187481, 5.38994e-05, 0.000911034, 0.00230812], Some(1.9314)),
+        invented: ([0.0, 0.0, 0.0, 0.0], Some(0.0)),
     },
 ];
 
 /// Of 200,000 samples, means have a noise well below 1 %, the 99th percentile, which is the 2,000th from the top,
-/// below 2 %. The maximum is attained at a vertex, where there is no noise, or near one, where samples lie densely.
-const NOISE: [f64; 5] = [0.01, 0.01, 0.02, 0.02, 0.01];
-/// What rounding makes of 0: shares of the diagonal, and of the angle, whose cosine is 1.
-const ROUNDING: [f64; 5] = [1e-14, 1e-14, 1e-14, 1e-14, 1e-3];
+/// below 2 %. The maximum is one sample, where it is not attained at a vertex: inside a lost triangle of the truck.
+const NOISE: [f64; 4] = [0.01, 0.01, 0.02, 0.1];
+const NORMAL_NOISE: f64 = 0.01;
+/// What rounding makes of 0: a share of the diagonal, and degrees, from a cosine that is 1.
+const ROUNDING: f64 = 1e-14;
+const NORMAL_ROUNDING: f64 = 1e-3;
+
+fn compared(way: OneWay, (lengths, normal): ([f64; 4], Option<f64>)) {
+    for (nth, found) in [way.rms, way.mean, way.p99, way.max].into_iter().enumerate() {
+        near(found, lengths[nth], NOISE[nth] * lengths[nth] + ROUNDING);
+    }
+    if let Some(normal) = normal {
+        near(way.normal_degrees, normal, NORMAL_NOISE * normal + NORMAL_ROUNDING);
+    }
+}
 
 #[test]
 fn figures_are_those_of_the_other_program() {
@@ -187,13 +199,9 @@ fn figures_are_those_of_the_other_program() {
     for ((name, reference, test), golden) in pairs.iter().zip(&GOLDEN) {
         assert_eq!(*name, golden.name);
         let error = error(reference, test).scaled(1.0 / diagonal(reference));
-        for (way, expected) in [(error.lost, golden.lost), (error.invented, golden.invented)] {
-            let found = [way.rms, way.mean, way.p99, way.max, way.normal_degrees];
-            println!("{name}: {found:?} against {expected:?}");
-            for (nth, (found, expected)) in found.into_iter().zip(expected).enumerate() {
-                near(found, expected, NOISE[nth] * expected + ROUNDING[nth]);
-            }
-        }
+        println!("{name}: {error:?}");
+        compared(error.lost, golden.lost);
+        compared(error.invented, golden.invented);
     }
 }
 

@@ -25,6 +25,9 @@ const FONT: &str = "sans-serif";
 /// How many ratios a plot wants.
 const COUNTS: u32 = 12;
 
+/// Errors below this are rounding; the positions of a part lie on a grid that is a thousand times coarser.
+const LEAST_PERCENT: f64 = 1e-8;
+
 /// Why there is no picture.
 #[derive(Debug, thiserror::Error)]
 pub enum PlotError {
@@ -85,7 +88,7 @@ fn lines(comparison: &Comparison) -> Result<Vec<Line>, PlotError> {
     let point = |figures: &Figures| (figures.triangles as f64, 100.0 * figures.rms / comparison.diagonal);
     let line = |name, colour, points: Vec<(f64, f64)>| {
         let mut points: Vec<_> =
-            points.into_iter().filter(|&(x, y)| x > 0.0 && y > 0.0 && y.is_finite()).collect();
+            points.into_iter().filter(|&(x, y)| x > 0.0 && y > LEAST_PERCENT && y.is_finite()).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         Line { name, colour, points }
     };
@@ -101,6 +104,16 @@ fn range(coordinates: impl Iterator<Item = f64> + Clone, room: f64) -> std::ops:
     let low = coordinates.clone().fold(f64::INFINITY, f64::min);
     let high = coordinates.fold(0.0, f64::max);
     low / room..high * room
+}
+
+/// Where an axis has labels: once, twice and five times every power of ten, and only at those if they are many.
+fn labels(range: &std::ops::Range<f64>) -> Vec<f64> {
+    let powers = range.start.log10().floor() as i32..=range.end.log10().ceil() as i32;
+    let steps: &[u32] = if powers.clone().count() > 6 { &[1] } else { &[1, 2, 5] };
+    // By way of text, so that a thousandth is the nearest number to 0.001.
+    let all =
+        powers.flat_map(|power| steps.iter().filter_map(move |step| format!("{step}e{power}").parse().ok()));
+    all.filter(|label| range.contains(label)).collect()
 }
 
 fn register_font() {
@@ -129,12 +142,13 @@ fn draw<B: DrawingBackend>(
         .margin(size(14))
         .x_label_area_size(size(46))
         .y_label_area_size(size(76))
-        .build_cartesian_2d(across.log_scale(), up.log_scale())
+        .build_cartesian_2d(
+            across.clone().log_scale().with_key_points(labels(&across)),
+            up.clone().log_scale().with_key_points(labels(&up)),
+        )
         .map_err(drawing)?;
     chart
         .configure_mesh()
-        .x_labels(16)
-        .y_labels(16)
         .x_desc("triangles")
         .y_desc("RMS error, % of the largest part's diagonal")
         .x_label_formatter(&|count| human::rounded(*count))
@@ -198,7 +212,14 @@ mod tests {
         for word in ["a &lt; b &amp; c", "triangles", "RMS error", "collapsar", "meshoptimizer", "</svg>"] {
             assert!(text.contains(word), "no {word}");
         }
-        assert_eq!(text.matches("<polyline").count(), 4, "two lines and their keys");
+        // A line and its key have the colour; the points are circles of it.
+        for colour in ["#0072B2", "#D55E00"] {
+            let lines =
+                text.lines().filter(|line| line.starts_with("<polyline") && line.contains(colour)).count();
+            let points =
+                text.lines().filter(|line| line.starts_with("<circle") && line.contains(colour)).count();
+            assert_eq!((lines, points), (2, 12), "{colour}");
+        }
     }
 
     #[test]
@@ -210,6 +231,13 @@ mod tests {
         assert!(count(OURS) > 2000 && count(MESHOPTIMIZER) > 2000);
         let dark_above = picture.enumerate_pixels().filter(|(_, y, p)| *y < 60 && p.0[0] < 100).count();
         assert!(dark_above > 50, "the title is missing");
+    }
+
+    #[test]
+    fn labels_are_round_and_few() {
+        assert_eq!(labels(&(800.0..12_000.0)), [1e3, 2e3, 5e3, 1e4]);
+        assert_eq!(labels(&(0.0015..0.004)), [0.002]);
+        assert_eq!(labels(&(1e-7..2.0)).len(), 8);
     }
 
     #[test]

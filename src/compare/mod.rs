@@ -1,6 +1,6 @@
 //! The model that was baked and its container in; the error of the levels of detail, ours and meshoptimizer's, out.
 //!
-//! Every source part goes its own way, in parallel: [`source`] welds its mesh as the bake did and finds its cells in
+//! Every source part goes its own way, in parallel: `source` welds its mesh as the bake did and finds its cells in
 //! the container; [`states`] picks the state of every cell for a share of the triangles; meshoptimizer's `simplify`
 //! brings the welded mesh to the same count; [`measure`](crate::measure) compares both with the welded mesh in part
 //! space. [`Comparison`] pools the parts, and [`plot`] draws them.

@@ -9,6 +9,9 @@ pub enum Error {
     /// Baking.
     #[error(transparent)]
     Bake(#[from] crate::bake::BakeError),
+    /// Comparing.
+    #[error(transparent)]
+    Compare(#[from] crate::compare::CompareError),
     /// The container's bytes.
     #[error(transparent)]
     Container(#[from] crate::container::ContainerError),

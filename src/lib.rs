@@ -4,12 +4,14 @@
 //! by the edge collapses that remove it; [`bake`] does so for all parts in parallel; [`container`] keeps the result
 //! in a checked, memory-mapped file; [`scene`] opens it; [`select`] grants every instance a budget; [`stream`] finds
 //! what the GPU lacks; [`gpu`] and [`passes`] defragment, reform and draw it; [`reference`](mod@reference) does the
-//! same on the CPU, in the simplest way that is correct; [`stats`] counts it all.
+//! same on the CPU, in the simplest way that is correct; [`stats`] counts it all. Beside this way, [`measure`] tells how
+//! far two surfaces lie apart, and [`mod@compare`] how far the levels of detail are from what they were made of.
 //!
 //! The words are those of Peng & Cao 2012, *A GPU-based Approach for Massive Model Rendering with Frame-to-Frame
 //! Coherence*; `docs/architecture.md` lists them.
 
 pub mod bake;
+pub mod compare;
 pub mod container;
 mod error;
 pub mod export;
@@ -17,6 +19,7 @@ pub mod frame;
 pub mod geometry;
 pub mod gpu;
 pub mod import;
+pub mod measure;
 pub mod passes;
 pub mod reference;
 pub mod scene;

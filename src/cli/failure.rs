@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use collapsar::bake::BakeError;
+use collapsar::compare::CompareError;
 use collapsar::frame::FrameError;
 use collapsar::scene::SceneError;
 use collapsar::stream::ResidencyError;
@@ -51,7 +52,11 @@ impl Failure {
     pub fn report(&self) -> ExitCode {
         let interrupted = matches!(
             self,
-            Self::Interrupted(_) | Self::Library(collapsar::Error::Bake(BakeError::Interrupted))
+            Self::Interrupted(_)
+                | Self::Library(
+                    collapsar::Error::Bake(BakeError::Interrupted)
+                        | collapsar::Error::Compare(CompareError::Interrupted)
+                )
         );
         super::output::complain(&Line(self));
         ExitCode::from(if interrupted { 130 } else { 1 })
@@ -78,6 +83,8 @@ macro_rules! from_library {
 
 from_library!(
     collapsar::bake::BakeError,
+    collapsar::compare::CompareError,
+    collapsar::import::ImportError,
     collapsar::container::ContainerError,
     collapsar::scene::SceneError,
     collapsar::gpu::GpuError,

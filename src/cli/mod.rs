@@ -1,6 +1,7 @@
 //! The verbs of the command line, one file each, and what they share.
 
 mod bake;
+mod compare;
 mod demo;
 mod export;
 mod failure;
@@ -44,6 +45,8 @@ enum Verb {
     Verify(verify::VerifyArguments),
     /// Write any level of detail as an ordinary mesh.
     Export(export::ExportArguments),
+    /// Measure the levels of detail against the model that they were baked of, and against meshoptimizer's.
+    Compare(compare::CompareArguments),
     /// Fly along a camera path without a window; write pictures and what each frame sent.
     Fly(fly::FlyArguments),
     /// Bake the bundled models and fly them with all strategies.
@@ -57,6 +60,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         Verb::Info(arguments) => info::run(&arguments),
         Verb::Verify(arguments) => verify::run(&arguments),
         Verb::Export(arguments) => export::run(&arguments),
+        Verb::Compare(arguments) => compare::run(&arguments),
         Verb::Fly(arguments) => fly::run(&arguments),
         Verb::Demo(arguments) => demo::run(&arguments),
     }

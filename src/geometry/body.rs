@@ -116,10 +116,14 @@ fn order_apart(cells: Vec<Vec<Cell>>, joining: Joining<'_>, watch: &dyn Watch) -
 }
 
 /// A mesh of a body on its way.
-struct Welded {
-    mesh: WeldedMesh,
-    edges: Vec<PositionEdge>,
-    counts: WeldCounts,
+#[derive(Debug, Clone, PartialEq)]
+pub struct Welded {
+    /// The mesh; gaps within the tolerance are closed.
+    pub mesh: WeldedMesh,
+    /// Its edges.
+    pub edges: Vec<PositionEdge>,
+    /// What the weld found.
+    pub counts: WeldCounts,
 }
 
 fn counts(mesh: &SourceMesh) -> WeldCounts {
@@ -130,7 +134,8 @@ fn counts(mesh: &SourceMesh) -> WeldCounts {
     }
 }
 
-fn welded(source: &SourceMesh, grid: Grid, options: OrderOptions) -> Welded {
+/// Welds a mesh on a grid and closes its gaps.
+pub fn welded(source: &SourceMesh, grid: Grid, options: OrderOptions) -> Welded {
     let mut mesh = weld(source, grid);
     let mut edges = position_edges(&mesh);
     let steps = options.weld_tolerance.map_or(1.0, |tolerance| tolerance / grid.step());

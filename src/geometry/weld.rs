@@ -65,11 +65,11 @@ pub(super) fn starts(sorted: &[u32], count: usize) -> Vec<u32> {
 
 /// The grid on which a mesh's used positions fit, or `None` if it has no triangles.
 pub fn grid_of(mesh: &SourceMesh) -> Option<Grid> {
-    grid_around(std::slice::from_ref(mesh))
+    grid_around([mesh])
 }
 
 /// The grid on which the used positions of several meshes fit, or `None` if these have no triangles.
-pub fn grid_around(meshes: &[SourceMesh]) -> Option<Grid> {
+pub fn grid_around<'a>(meshes: impl IntoIterator<Item = &'a SourceMesh>) -> Option<Grid> {
     let mut low = [f64::INFINITY; 3];
     let mut high = [f64::NEG_INFINITY; 3];
     for mesh in meshes {

@@ -2,7 +2,7 @@
 
 use crate::workplace::Workplace;
 
-const VERBS: [&str; 6] = ["bake", "info", "verify", "export", "fly", "demo"];
+const VERBS: [&str; 7] = ["bake", "info", "verify", "export", "compare", "fly", "demo"];
 
 fn help(arguments: &[&str]) -> String {
     let outcome = Workplace::new().run(arguments).succeeded();
@@ -34,7 +34,7 @@ fn every_verb_explains_every_argument() {
             lines.iter().enumerate().filter(|(_, line)| is_argument(line) && !line.contains("--help"));
         let mut count = 0;
         for (at, line) in arguments {
-            let here = line.trim_start().split("  ").nth(1).map_or(0, str::len);
+            let here = line.trim_start().split_once("  ").map_or(0, |(_, rest)| rest.trim().len());
             let below = lines.get(at + 1).map_or(0, |next| next.trim().len());
             assert!(here.max(below) > 8, "{verb}: {line:?} is not explained");
             count += 1;
@@ -56,6 +56,20 @@ fn every_verb_has_its_arguments() {
         ("info", &["FILE", "--json", "--parts"]),
         ("verify", &["FILE"]),
         ("export", &["FILE", "--part", "--vertices", "--error", "--ratio", "--output"]),
+        (
+            "compare",
+            &[
+                "ORIGINAL",
+                "FILE",
+                "--ratios",
+                "--samples",
+                "--least-triangles",
+                "--plot",
+                "--no-meshoptimizer",
+                "--csv",
+                "--json",
+            ],
+        ),
         (
             "fly",
             &[

@@ -84,6 +84,19 @@ fn an_interrupted_bake_keeps_the_older_container() {
 }
 
 #[test]
+fn an_interrupted_comparison_draws_nothing() {
+    let place = Workplace::new();
+    place.write("field.obj", obj(&vec![height_field(40); 4]));
+    place.bake("field.obj", "field.clps");
+    let before = place.snapshot();
+    // Ten million points on every level of detail: minutes of work.
+    let compare = ["compare", "field.obj", "field.clps", "--samples", "10M", "--plot", "field.svg"];
+    let outcome = interrupted_after(&place, &compare, Duration::from_millis(1500));
+    outcome.failed_with(130, &["interrupted; nothing was compared"]);
+    place.assert_unchanged(&before);
+}
+
+#[test]
 fn an_interrupted_export_leaves_nothing() {
     let place = Workplace::new();
     let mesh = patched_box(10);

@@ -9,6 +9,7 @@
 mod common;
 
 mod arguments;
+mod compare;
 mod damaged;
 mod destination;
 mod full_disk;

@@ -17,7 +17,8 @@ pub struct Quadric {
 }
 
 impl Quadric {
-    /// Adds a plane through the quadric's own position; `normal` is a unit vector.
+    /// Adds a plane through the quadric's own position; `normal` is a unit vector, or a longer one with a weight that
+    /// is less by the square of its length.
     pub fn add_plane(&mut self, normal: Vec3, weight: f32) {
         let weighted = normal * weight;
         self.diagonal += weighted * normal;
@@ -30,6 +31,16 @@ impl Quadric {
         self.off_diagonal += other.off_diagonal * scale;
         self.linear += other.linear * scale;
         self.constant += other.constant * scale;
+    }
+
+    /// The sum of this quadric and another that belongs to the same position, each scaled.
+    pub fn mixed(self, share: f32, other: Self, other_share: f32) -> Self {
+        Self {
+            diagonal: self.diagonal * share + other.diagonal * other_share,
+            off_diagonal: self.off_diagonal * share + other.off_diagonal * other_share,
+            linear: self.linear * share + other.linear * other_share,
+            constant: self.constant * share + other.constant * other_share,
+        }
     }
 
     /// The same function for a position that lies `offset` away from this one's.

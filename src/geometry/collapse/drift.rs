@@ -3,15 +3,16 @@
 //! Each live triangle has at most one witness, the removed position that is farthest from it of all that were handed
 //! to it. A collapse hands the witnesses of the ring, and the position itself, to the triangles that replace the ring,
 //! and the largest distance is the error of the step. Distances are to the new triangles only, so that each is at least
-//! the true one; what the witnesses that were let go would have said is lost.
+//! the true one; what the witnesses that were let go would have said is lost. The other way, from the new surface to the
+//! old, the middles of its new edges are looked at.
 
 use glam::Vec3;
 
 use super::mesh::NONE;
 use super::ring::{Ring, RingFace};
 
-/// At most so many witnesses and triangles of a ring are looked at.
-const MOST: usize = 16;
+/// At most so many distances are taken in a step, but for those of the position itself.
+const MOST: usize = 512;
 
 /// The witness of each triangle.
 pub(super) struct Drift {
@@ -38,7 +39,7 @@ impl Drift {
     pub fn carry(&mut self, ring: &Ring, position: u32, target: u32, offset: Vec3) -> f32 {
         let survives = |f: &&RingFace| !f.face.touches(target);
         self.fan.clear();
-        self.fan.extend(ring.faces.iter().filter(survives).take(MOST).map(|f| Spoke {
+        self.fan.extend(ring.faces.iter().filter(survives).map(|f| Spoke {
             triangle: f.face.triangle(),
             a: f.a,
             b: f.b,
@@ -46,7 +47,8 @@ impl Drift {
             witness: NONE,
         }));
         let mut error = self.hand_over(position, Vec3::ZERO, offset);
-        for f in ring.faces.iter().take(MOST) {
+        let most = MOST / self.fan.len().max(1);
+        for f in ring.faces.iter().take(most) {
             let witness = std::mem::replace(&mut self.witness[f.face.triangle() as usize], NONE);
             if witness != NONE {
                 error = error.max(self.hand_over(witness, ring.point(witness) - ring.origin, offset));
@@ -56,6 +58,25 @@ impl Drift {
             self.witness[spoke.triangle as usize] = spoke.witness;
         }
         error.sqrt()
+    }
+
+    /// The largest distance from the middle of an edge that a collapse makes to the ring that it replaces, or `least` if
+    /// none is larger.
+    pub fn bow(ring: &Ring, target: u32, offset: Vec3, least: f32) -> f32 {
+        let mut farthest = least * least;
+        let most = MOST / ring.faces.len().max(1);
+        for n in ring.neighbours.iter().filter(|n| n.position != target).take(most) {
+            let middle = 0.5 * (n.offset + offset);
+            let mut nearest = f32::INFINITY;
+            for f in &ring.faces {
+                nearest = nearest.min(squared_distance(middle, [Vec3::ZERO, f.a, f.b]));
+                if nearest <= farthest {
+                    break;
+                }
+            }
+            farthest = farthest.max(nearest);
+        }
+        farthest.sqrt()
     }
 
     /// Hands a witness to the nearest triangle; returns the squared distance.

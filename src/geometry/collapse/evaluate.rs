@@ -225,7 +225,7 @@ impl Evaluator {
 
     /// Whether a surviving triangle would turn by more than the limit, or lose its area.
     fn turns(&self, target: u32, offset: Vec3) -> bool {
-        self.ring.faces.iter().any(|f| !f.face.touches(target) && f.flips(offset, FLIP_LIMIT))
+        self.ring.faces.iter().any(|f| !f.face.touches(target) && f.flips(offset, self.ring.around, FLIP_LIMIT))
     }
 
     /// The link condition (Dey et al. 1999): the two ends have no common neighbour but across the edge's own

@@ -259,7 +259,8 @@ impl<'a> Simplifier<'a> {
     /// Collapses a position, whose ring the evaluator has just looked at, onto a neighbour.
     fn collapse(&mut self, position: u32, target: u32, phase: Phase) {
         let offset = self.evaluator.ring.point(target) - self.evaluator.ring.origin;
-        self.error = self.error.max(self.drift.carry(&self.evaluator.ring, position, target, offset));
+        let carried = self.drift.carry(&self.evaluator.ring, position, target, offset);
+        self.error = Drift::bow(&self.evaluator.ring, target, offset, self.error.max(carried));
         let quadric = self.accumulated[position as usize].moved_by(offset);
         self.accumulated[target as usize].add(quadric, 1.0);
 

@@ -70,6 +70,8 @@ pub(super) struct Ring {
     first_mark: u32,
     pub origin: Vec3,
     pub area: f32,
+    /// The sum of the triangles' areas as vectors, twice.
+    pub around: Vec3,
     pub quadric: Quadric,
     /// Whether edges with other than two triangles form a chain through the position: `Some(false)` if it has none,
     /// `Some(true)` along a boundary or a seam where sheets meet, `None` at a junction of such edges.
@@ -85,6 +87,7 @@ impl Ring {
             first_mark: 1,
             origin: Vec3::ZERO,
             area: 0.0,
+            around: Vec3::ZERO,
             quadric: Quadric::default(),
             chain: Some(false),
         }
@@ -118,6 +121,7 @@ impl Ring {
         if twice > 0.0 {
             self.quadric.add_plane(cross, 0.5 / twice);
             self.area += 0.5 * twice;
+            self.around += cross;
         }
         self.faces.push(RingFace { face, a, b, cross, twice });
     }
@@ -156,6 +160,7 @@ impl Ring {
         self.faces.clear();
         self.neighbours.clear();
         self.area = 0.0;
+        self.around = Vec3::ZERO;
         self.quadric = Quadric::default();
         self.chain = Some(false);
         self.origin = self.point(position);
@@ -246,11 +251,13 @@ impl RingFace {
     }
 
     /// Whether the triangle would turn by more than the limit, or lose its area, if the position moved by `offset`.
-    pub fn flips(&self, offset: Vec3, limit: f32) -> bool {
+    /// A triangle without area takes the side of the ring, whose area as a vector is `around`.
+    pub fn flips(&self, offset: Vec3, around: Vec3, limit: f32) -> bool {
         let after = self.cross - (self.a - self.b).cross(offset);
+        if self.twice <= 0.0 {
+            return after.dot(around) < 0.0;
+        }
         let dot = self.cross.dot(after);
-        // A triangle without area has no side to be kept.
-        self.twice > 0.0
-            && (dot <= 0.0 || dot * dot <= limit * limit * self.twice * self.twice * after.length_squared())
+        dot <= 0.0 || dot * dot <= limit * limit * self.twice * self.twice * after.length_squared()
     }
 }

@@ -1,18 +1,16 @@
 //! The best collapse of one position: the cost of every target, and the guards that forbid some or make them dearer.
 //!
-//! The cost is mostly the quadric of the *current* ring (memoryless, Lindstrom & Turk 1998) and a little of the
-//! accumulated one (Garland & Heckbert 1997), area-weighted, with planes that hold open boundaries and creases.
+//! The cost is the quadric of the *current* ring (memoryless, Lindstrom & Turk 1998), area-weighted, with planes that
+//! hold open boundaries and creases: how far the target is from the planes of the ring. To it is added the other way,
+//! how far the position is from the triangles that would be left ([`GAP_WEIGHT`]).
 
 use glam::Vec3;
 
 use super::Phase;
 use super::mesh::{CornerMesh, Face};
 use super::ring::{Place, Ring};
-use crate::geometry::quadric::Quadric;
 use crate::geometry::record::{Stall, VertexRecord};
 
-/// The share of the memoryless quadric; 0.9 / 0.1 gives a fifth to a quarter less error than the classic 0 / 1.
-const MEMORYLESS: f32 = 0.9;
 /// The least cosine between a triangle's normal before and after a strict collapse.
 pub(crate) const FLIP_LIMIT: f32 = 0.2;
 /// The least cosine at which a wedge may take on the attributes of one that it shares no triangle with.
@@ -84,19 +82,14 @@ impl Evaluator {
         Self { ring: Ring::new(places), by_cost: Vec::new(), piece: Vec::new(), mapping: Vec::new() }
     }
 
-    /// Collects the ring of a position and returns the quadric that it starts with.
-    pub fn start(&mut self, mesh: &mut CornerMesh, position: u32) -> Quadric {
-        self.ring.collect(mesh, position);
-        self.ring.quadric
-    }
-
-    /// A lower bound of the cost of the best step for a position whose ring has been collected, without a look at the
-    /// guards; `None` if there is no step at all.
-    pub fn bound(&mut self, setting: &Setting<'_>, accumulated: Quadric, position: u32) -> Option<f32> {
+    /// A lower bound of the cost of the best step for a position, without a look at the guards; `None` if there is no
+    /// step at all.
+    pub fn bound(&mut self, mesh: &mut CornerMesh, setting: &Setting<'_>, position: u32) -> Option<f32> {
         if setting.locked[position as usize] {
             return None;
         }
-        self.rank_targets(accumulated);
+        self.ring.collect(mesh, position);
+        self.rank_targets();
         self.by_cost.iter().map(|entry| entry.0).min_by(f32::total_cmp)
     }
 
@@ -108,7 +101,6 @@ impl Evaluator {
         &mut self,
         mesh: &mut CornerMesh,
         setting: &Setting<'_>,
-        accumulated: &[Quadric],
         position: u32,
     ) -> Result<Candidate, Stall> {
         if setting.locked[position as usize] {
@@ -118,7 +110,7 @@ impl Evaluator {
         if self.ring.faces.is_empty() {
             return Err(Stall::None);
         }
-        self.rank_targets(accumulated[position as usize]);
+        self.rank_targets();
         let junction = self.ring.chain.is_none();
         let (mut best, mut turning): (Option<Candidate>, Option<Candidate>) = (None, None);
         for i in 0..self.by_cost.len().min(TARGETS_TRIED) {
@@ -177,10 +169,9 @@ impl Evaluator {
         Some(Candidate { action: Action::Vanish, cost: size.powi(4), phase: Phase::Vanish })
     }
 
-    fn rank_targets(&mut self, memory: Quadric) {
+    fn rank_targets(&mut self) {
         let ring = &self.ring;
-        let share = MEMORYLESS;
-        let quadric = ring.quadric.mixed(share, memory, 1.0 - share);
+        let quadric = ring.quadric;
         let on_chain = ring.chain == Some(true);
         self.by_cost.clear();
         for (slot, neighbour) in ring.neighbours.iter().enumerate() {
@@ -225,7 +216,10 @@ impl Evaluator {
 
     /// Whether a surviving triangle would turn by more than the limit, or lose its area.
     fn turns(&self, target: u32, offset: Vec3) -> bool {
-        self.ring.faces.iter().any(|f| !f.face.touches(target) && f.flips(offset, self.ring.around, FLIP_LIMIT))
+        self.ring
+            .faces
+            .iter()
+            .any(|f| !f.face.touches(target) && f.flips(offset, self.ring.around, FLIP_LIMIT))
     }
 
     /// The link condition (Dey et al. 1999): the two ends have no common neighbour but across the edge's own

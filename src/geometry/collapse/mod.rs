@@ -22,7 +22,6 @@ mod ring;
 use glam::Vec3;
 
 use super::adjacency::position_edges;
-use super::quadric::Quadric;
 use super::record::Stall;
 use super::weld::WeldedMesh;
 use drift::Drift;
@@ -33,6 +32,9 @@ use ring::Place;
 
 pub(crate) use evaluate::FLIP_LIMIT;
 
+/// A step is taken unless another may cost less than this share of it: closer than that, looking twice is worth
+/// nothing.
+const SLACK: f32 = 0.8;
 /// All neighbours of a step are looked at again once no more than this share of the triangles is left.
 const LATE: f32 = 0.35;
 
@@ -163,7 +165,6 @@ struct Simplifier<'a> {
     setting: Setting<'a>,
     evaluator: Evaluator,
     queue: BucketQueue,
-    accumulated: Vec<Quadric>,
     drift: Drift,
     error: f32,
     grid_steps: f32,
@@ -182,7 +183,6 @@ impl<'a> Simplifier<'a> {
         let evaluator = Evaluator::new(places);
         Self {
             queue: BucketQueue::new(positions),
-            accumulated: vec![Quadric::default(); positions],
             drift: Drift::new(welded.triangles.len()),
             error: 0.0,
             grid_steps,
@@ -201,18 +201,14 @@ impl<'a> Simplifier<'a> {
     /// Collapses until nothing may. What a step frees farther away than its neighbours is found by looking at all that
     /// is left once more; every round but the last takes a step, so this ends.
     fn run(&mut self) {
-        for position in 0..self.mesh.position_count() as u32 {
-            self.accumulated[position as usize] = self.evaluator.start(&mut self.mesh, position);
-            self.enqueue_ring(position);
-        }
         loop {
+            for position in 0..self.mesh.position_count() as u32 {
+                self.enqueue(position);
+            }
             let before = self.order.groups.len();
             self.drain();
             if self.order.groups.len() == before {
                 return;
-            }
-            for position in 0..self.mesh.position_count() as u32 {
-                self.enqueue(position);
             }
         }
     }
@@ -220,7 +216,7 @@ impl<'a> Simplifier<'a> {
     fn drain(&mut self) {
         while let Some(position) = self.queue.pop() {
             let Ok(best) = self.evaluate(position) else { continue };
-            if self.queue.has_cheaper_than(best.cost) {
+            if self.queue.has_cheaper_than(SLACK * best.cost) {
                 self.queue.set(position, best.cost);
                 continue;
             }
@@ -236,21 +232,13 @@ impl<'a> Simplifier<'a> {
     }
 
     fn evaluate(&mut self, position: u32) -> Result<Candidate, Stall> {
-        self.evaluator.best(&mut self.mesh, &self.setting, &self.accumulated, position)
+        self.evaluator.best(&mut self.mesh, &self.setting, position)
     }
 
+    /// Queues a position at the least that its collapse can cost.
     fn enqueue(&mut self, position: u32) {
-        if self.mesh.valence(position) > 0 {
-            self.evaluator.ring.collect(&mut self.mesh, position);
-            self.enqueue_ring(position);
-        } else {
-            self.queue.remove(position);
-        }
-    }
-
-    /// Queues a position, whose ring has been collected, at the least that its collapse can cost.
-    fn enqueue_ring(&mut self, position: u32) {
-        match self.evaluator.bound(&self.setting, self.accumulated[position as usize], position) {
+        let alive = self.mesh.valence(position) > 0;
+        match alive.then(|| self.evaluator.bound(&mut self.mesh, &self.setting, position)).flatten() {
             Some(cost) => self.queue.set(position, cost),
             None => self.queue.remove(position),
         }
@@ -261,9 +249,6 @@ impl<'a> Simplifier<'a> {
         let offset = self.evaluator.ring.point(target) - self.evaluator.ring.origin;
         let carried = self.drift.carry(&self.evaluator.ring, position, target, offset);
         self.error = Drift::bow(&self.evaluator.ring, target, offset, self.error.max(carried));
-        let quadric = self.accumulated[position as usize].moved_by(offset);
-        self.accumulated[target as usize].add(quadric, 1.0);
-
         self.evaluator.map_wedges(&self.mesh, &self.setting, target);
         for i in 0..self.evaluator.mapping.len() {
             let (from, to) = self.evaluator.mapping[i];

@@ -8,15 +8,18 @@
 
 use glam::Vec3;
 
-use super::mesh::NONE;
+use super::mesh::{CornerMesh, NONE};
 use super::ring::{Ring, RingFace};
 
 /// At most so many distances are taken in a step, but for those of the position itself.
 const MOST: usize = 512;
 
-/// The witness of each triangle.
+/// A witness is kept while its distance is more than this share of the error so far.
+const NOTABLE: f32 = 0.25;
+
+/// Working memory, reused from step to step.
+#[derive(Default)]
 pub(super) struct Drift {
-    witness: Vec<u32>,
     fan: Vec<Spoke>,
 }
 
@@ -30,34 +33,39 @@ struct Spoke {
 }
 
 impl Drift {
-    pub fn new(triangles: usize) -> Self {
-        Self { witness: vec![NONE; triangles], fan: Vec::new() }
-    }
-
     /// Carries the witnesses of a ring over its collapse onto the neighbour `target` at `offset`; returns the largest
-    /// distance.
-    pub fn carry(&mut self, ring: &Ring, position: u32, target: u32, offset: Vec3) -> f32 {
+    /// distance. `error` is the largest of all steps so far.
+    pub fn carry(
+        &mut self,
+        mesh: &mut CornerMesh,
+        ring: &Ring,
+        position: u32,
+        target: u32,
+        offset: Vec3,
+        error: f32,
+    ) -> f32 {
+        let least = (NOTABLE * error).powi(2);
         let survives = |f: &&RingFace| !f.face.touches(target);
         self.fan.clear();
         self.fan.extend(ring.faces.iter().filter(survives).map(|f| Spoke {
             triangle: f.face.triangle(),
             a: f.a,
             b: f.b,
-            farthest: -1.0,
+            farthest: least,
             witness: NONE,
         }));
-        let mut error = self.hand_over(position, Vec3::ZERO, offset);
+        let mut farthest = self.hand_over(position, Vec3::ZERO, offset);
         let most = MOST / self.fan.len().max(1);
         for f in ring.faces.iter().take(most) {
-            let witness = std::mem::replace(&mut self.witness[f.face.triangle() as usize], NONE);
+            let witness = std::mem::replace(mesh.witness(f.face.triangle()), NONE);
             if witness != NONE {
-                error = error.max(self.hand_over(witness, ring.point(witness) - ring.origin, offset));
+                farthest = farthest.max(self.hand_over(witness, ring.point(witness) - ring.origin, offset));
             }
         }
         for spoke in &self.fan {
-            self.witness[spoke.triangle as usize] = spoke.witness;
+            *mesh.witness(spoke.triangle) = spoke.witness;
         }
-        error.sqrt()
+        farthest.sqrt()
     }
 
     /// The largest distance from the middle of an edge that a collapse makes to the ring that it replaces, or `least` if

@@ -24,11 +24,20 @@ pub(super) struct CornerMesh {
     pub live_triangles: usize,
 }
 
+/// Half a cache line, so that what is known of a triangle takes one load.
 #[derive(Clone, Copy)]
+#[repr(C, align(32))]
 struct Triangle {
-    /// The first is [`NONE`] in a dead triangle.
-    positions: [u32; 3],
-    wedges: [u32; 3],
+    /// The positions of the corners, the first of them [`NONE`] in a dead triangle, and the witness (`drift.rs`).
+    positions: [u32; 4],
+    /// The wedges of the corners, and nothing.
+    wedges: [u32; 4],
+}
+
+/// The corner after `k`, for `k` below 3; without a branch, since no processor guesses `k`.
+#[inline(always)]
+fn after(k: usize) -> usize {
+    0b00_10_01 >> (2 * k) & 3
 }
 
 /// The corners of one position: `corners[start..start + len]`, dead ones among them, and room for some more.
@@ -72,7 +81,10 @@ impl CornerMesh {
         let triangles: Vec<Triangle> = mesh
             .triangles
             .iter()
-            .map(|&wedges| Triangle { positions: mesh.corner_positions(wedges), wedges })
+            .map(|&[u, v, w]| {
+                let [p, q, r] = mesh.corner_positions([u, v, w]);
+                Triangle { positions: [p, q, r, NONE], wedges: [u, v, w, NONE] }
+            })
             .collect();
         let mut wedge_corners = vec![0; mesh.wedges.len()];
         for &wedge in mesh.triangles.iter().flatten() {
@@ -81,7 +93,7 @@ impl CornerMesh {
         let mut lists = lists_for(&triangles, mesh.positions.len());
         let mut corners = vec![0; 3 * triangles.len()];
         for (t, triangle) in triangles.iter().enumerate() {
-            for (k, &position) in triangle.positions.iter().enumerate() {
+            for (k, &position) in triangle.positions[..3].iter().enumerate() {
                 let list = &mut lists[position as usize];
                 corners[(list.start + list.len) as usize] = 4 * t as u32 + k as u32;
                 list.len += 1;
@@ -106,19 +118,23 @@ impl CornerMesh {
         self.lists[position as usize].live
     }
 
-    #[inline]
+    #[inline(always)]
     fn face(&self, corner: u32) -> Option<Face> {
-        let triangle = self.triangles[(corner >> 2) as usize];
-        if triangle.positions[0] == NONE {
-            return None;
-        }
-        let ([p, q, r], [u, v, w]) = (triangle.positions, triangle.wedges);
-        let (wedge, wedges, positions) = match corner & 3 {
-            0 => (u, [v, w], [q, r]),
-            1 => (v, [w, u], [r, p]),
-            _ => (w, [u, v], [p, q]),
-        };
-        Some(Face { corner, wedge, wedges, positions })
+        let triangle = &self.triangles[(corner >> 2) as usize];
+        let i = (corner & 3) as usize;
+        let (j, k) = (after(i), after(after(i)));
+        let (positions, wedges) = (&triangle.positions, &triangle.wedges);
+        (positions[0] != NONE).then(|| Face {
+            corner,
+            wedge: wedges[i],
+            wedges: [wedges[j], wedges[k]],
+            positions: [positions[j], positions[k]],
+        })
+    }
+
+    /// The witness of a triangle, [`NONE`] if it has none.
+    pub fn witness(&mut self, triangle: u32) -> &mut u32 {
+        &mut self.triangles[triangle as usize].positions[3]
     }
 
     /// The live triangles around a position.
@@ -148,11 +164,11 @@ impl CornerMesh {
         let Triangle { positions, wedges } = self.triangles[triangle as usize];
         self.triangles[triangle as usize].positions[0] = NONE;
         self.live_triangles -= 1;
-        for (position, wedge) in positions.into_iter().zip(wedges) {
-            self.lists[position as usize].live -= 1;
-            self.wedge_corners[wedge as usize] -= 1;
+        for k in 0..3 {
+            self.lists[positions[k] as usize].live -= 1;
+            self.wedge_corners[wedges[k] as usize] -= 1;
         }
-        wedges
+        [wedges[0], wedges[1], wedges[2]]
     }
 
     /// Points a live corner, whose position's list is about to be dropped, at a wedge of another position.
@@ -214,8 +230,8 @@ impl CornerMesh {
 /// Empty lists, one after another, each with room for all corners of its position.
 fn lists_for(triangles: &[Triangle], positions: usize) -> Vec<List> {
     let mut lists = vec![List::default(); positions];
-    for position in triangles.iter().flat_map(|triangle| triangle.positions) {
-        lists[position as usize].room += 1;
+    for position in triangles.iter().flat_map(|triangle| &triangle.positions[..3]) {
+        lists[*position as usize].room += 1;
     }
     let mut start = 0;
     for list in &mut lists {

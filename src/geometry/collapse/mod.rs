@@ -35,9 +35,6 @@ pub(crate) use evaluate::FLIP_LIMIT;
 /// A step is taken unless another may cost less than this share of it: closer than that, looking twice is worth
 /// nothing.
 const SLACK: f32 = 0.8;
-/// All neighbours of a step are looked at again once no more than this share of the triangles is left.
-const LATE: f32 = 0.35;
-
 /// What may happen to open boundaries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Boundary {
@@ -173,7 +170,6 @@ struct Simplifier<'a> {
     killed_wedges: Vec<u32>,
     neighbours: Vec<u32>,
     wedge_position: &'a [u32],
-    triangles: usize,
 }
 
 impl<'a> Simplifier<'a> {
@@ -183,7 +179,7 @@ impl<'a> Simplifier<'a> {
         let evaluator = Evaluator::new(places);
         Self {
             queue: BucketQueue::new(positions),
-            drift: Drift::new(welded.triangles.len()),
+            drift: Drift::default(),
             error: 0.0,
             grid_steps,
             order: CollapseOrder::default(),
@@ -191,7 +187,6 @@ impl<'a> Simplifier<'a> {
             killed_wedges: Vec::new(),
             neighbours: Vec::new(),
             wedge_position: &welded.wedge_position,
-            triangles: welded.triangles.len(),
             mesh,
             setting,
             evaluator,
@@ -247,7 +242,7 @@ impl<'a> Simplifier<'a> {
     /// Collapses a position, whose ring the evaluator has just looked at, onto a neighbour.
     fn collapse(&mut self, position: u32, target: u32, phase: Phase) {
         let offset = self.evaluator.ring.point(target) - self.evaluator.ring.origin;
-        let carried = self.drift.carry(&self.evaluator.ring, position, target, offset);
+        let carried = self.drift.carry(&mut self.mesh, &self.evaluator.ring, position, target, offset, self.error);
         self.error = Drift::bow(&self.evaluator.ring, target, offset, self.error.max(carried));
         self.evaluator.map_wedges(&self.mesh, &self.setting, target);
         for i in 0..self.evaluator.mapping.len() {
@@ -304,16 +299,14 @@ impl<'a> Simplifier<'a> {
         });
     }
 
-    /// The target has a new ring, and neighbours that were stuck may be free now. Towards the end, where steps are few
-    /// and large, the other neighbours are looked at as well, whose cost may have fallen. A hub waits for its turn, so
-    /// that a look at all of it is not part of every step beside it.
+    /// The target has a new ring, and neighbours that were stuck may be free now. A hub waits for its turn, so that a
+    /// look at all of it is not part of every step beside it.
     fn look_again(&mut self, target: u32) {
-        let late = self.mesh.live_triangles as f32 <= LATE * self.triangles as f32;
         self.neighbours.clear();
         self.neighbours.extend(self.evaluator.ring.neighbours.iter().map(|n| n.position));
         for i in 0..self.neighbours.len() {
             let neighbour = self.neighbours[i];
-            let changed = (late || neighbour == target) && self.mesh.valence(neighbour) <= HUB;
+            let changed = neighbour == target && self.mesh.valence(neighbour) <= HUB;
             if changed || !self.queue.contains(neighbour) {
                 self.enqueue(neighbour);
             }

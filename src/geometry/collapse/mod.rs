@@ -32,6 +32,8 @@ use ring::Place;
 
 pub(crate) use evaluate::FLIP_LIMIT;
 
+/// What a polyline moves when a vertex goes, as a share of how far the target is from the line of its far edge.
+const SAGITTA: f32 = 0.5;
 /// A step is taken unless another may cost less than this share of it: closer than that, looking twice is worth
 /// nothing.
 const SLACK: f32 = 0.8;
@@ -163,6 +165,8 @@ struct Simplifier<'a> {
     evaluator: Evaluator,
     queue: BucketQueue,
     drift: Drift,
+    /// Per position, how far the boundaries and creases near it have moved along the surface.
+    slid: Vec<f32>,
     error: f32,
     grid_steps: f32,
     order: CollapseOrder,
@@ -180,6 +184,7 @@ impl<'a> Simplifier<'a> {
         Self {
             queue: BucketQueue::new(positions),
             drift: Drift::default(),
+            slid: vec![0.0; positions],
             error: 0.0,
             grid_steps,
             order: CollapseOrder::default(),
@@ -243,6 +248,9 @@ impl<'a> Simplifier<'a> {
     fn collapse(&mut self, position: u32, target: u32, phase: Phase) {
         let offset = self.evaluator.ring.point(target) - self.evaluator.ring.origin;
         let carried = self.drift.carry(&mut self.mesh, &self.evaluator.ring, position, target, offset, self.error);
+        let slid = self.slid[position as usize] + SAGITTA * self.evaluator.ring.slide(offset);
+        self.slid[target as usize] = self.slid[target as usize].max(slid);
+        let carried = carried.max(slid);
         self.error = Drift::bow(&self.evaluator.ring, target, offset, self.error.max(carried));
         self.evaluator.map_wedges(&self.mesh, &self.setting, target);
         for i in 0..self.evaluator.mapping.len() {

@@ -179,9 +179,7 @@ impl Ring {
                 };
                 features = (features.0 + 1, neighbour.faces);
             }
-            if (neighbour.faces != 2 || neighbour.crease || self.folds(&neighbour))
-                && let Some((normal, weight)) = self.bounding_plane(&neighbour)
-            {
+            if let Some((normal, weight)) = self.bounding_plane(&neighbour) {
                 self.quadric.add_plane(normal, weight * neighbour.offset.length_squared());
             }
         }
@@ -200,6 +198,9 @@ impl Ring {
     /// The plane that holds the edge where it bounds the surface, and its weight. The planes of the triangles
     /// themselves hold the surface only across, never along.
     fn bounding_plane(&self, neighbour: &Neighbour) -> Option<(Vec3, f32)> {
+        if neighbour.faces == 2 && !neighbour.crease && !self.folds(neighbour) {
+            return None;
+        }
         let conormal = self.conormal(neighbour);
         let length = conormal.length();
         let limit = if neighbour.faces == 2 { FOLD } else { OPEN };
@@ -228,6 +229,12 @@ impl Ring {
             }
         }
         sum
+    }
+
+    /// How far a step by `offset` leaves the lines along which the surface is bounded or creased.
+    pub fn slide(&self, offset: Vec3) -> f32 {
+        let planes = self.neighbours.iter().filter_map(|neighbour| self.bounding_plane(neighbour));
+        planes.map(|(normal, _)| normal.dot(offset).abs()).fold(0.0, f32::max)
     }
 
     /// The squared distance from the position to the triangles that are left of the ring when it goes.

@@ -25,7 +25,7 @@ const SMEAR_PRICE: f32 = 0.03;
 /// area.
 const GAP_WEIGHT: f32 = 1.0;
 /// Pieces of at most so many positions vanish whole when nothing of them can collapse.
-const LARGEST_PIECE: usize = 32;
+pub(super) const LARGEST_PIECE: usize = 32;
 /// At most so many targets are put to the guards, cheapest first: keeps a hub's evaluation linear in its valence.
 const TARGETS_TRIED: usize = 24;
 /// A position with more triangles than this is a hub: nothing that is done beside it may look at all of it.

@@ -24,8 +24,8 @@ use glam::Vec3;
 use super::adjacency::position_edges;
 use super::record::Stall;
 use super::weld::WeldedMesh;
-use drift::Drift;
-use evaluate::{Action, Candidate, Evaluator, HUB, Setting};
+use drift::{Drift, squared_distance};
+use evaluate::{Action, Candidate, Evaluator, HUB, LARGEST_PIECE, Setting};
 use mesh::CornerMesh;
 use queue::BucketQueue;
 use ring::Place;
@@ -34,6 +34,8 @@ pub(crate) use evaluate::FLIP_LIMIT;
 
 /// What a polyline moves when a vertex goes, as a share of how far the target is from the line of its far edge.
 const SAGITTA: f32 = 0.5;
+/// Searches for what is left beside a piece that has gone look at so many positions for each of the mesh.
+const SEARCHES: usize = 16;
 /// A step is taken unless another may cost less than this share of it: closer than that, looking twice is worth
 /// nothing.
 const SLACK: f32 = 0.8;
@@ -167,6 +169,8 @@ struct Simplifier<'a> {
     drift: Drift,
     /// Per position, how far the boundaries and creases near it have moved along the surface.
     slid: Vec<f32>,
+    /// How many positions may yet be looked at in search of what is left beside a piece that has gone.
+    searches: usize,
     error: f32,
     grid_steps: f32,
     order: CollapseOrder,
@@ -185,6 +189,7 @@ impl<'a> Simplifier<'a> {
             queue: BucketQueue::new(positions),
             drift: Drift::default(),
             slid: vec![0.0; positions],
+            searches: SEARCHES * positions,
             error: 0.0,
             grid_steps,
             order: CollapseOrder::default(),
@@ -259,6 +264,9 @@ impl<'a> Simplifier<'a> {
         }
         self.move_faces(target);
         self.mesh.drop_list(position);
+        if self.mesh.valence(target) == 0 {
+            self.error = self.error.max(self.distance_to_rest(&[position, target]));
+        }
         self.remove_unused_wedges();
         self.close_group(phase);
         self.look_again(target);
@@ -347,7 +355,6 @@ impl<'a> Simplifier<'a> {
 
     /// Removes all of a connected piece in one step.
     fn vanish(&mut self, piece: &[u32]) {
-        self.error = self.error.max(0.5 * self.evaluator.piece_size(piece));
         for &position in piece {
             for wedge in self.mesh.wedges_of(position) {
                 if !self.wedge_gone[wedge as usize] {
@@ -360,7 +367,38 @@ impl<'a> Simplifier<'a> {
                 self.order.removed.push(triangle);
             }
         }
+        self.error = self.error.max(self.distance_to_rest(&piece[..piece.len().min(LARGEST_PIECE)]));
         self.close_group(Phase::Vanish);
+    }
+
+    /// How far positions that have just gone, with all that they were connected to, are from what is left: from the
+    /// triangles around the next positions in Morton order on both sides. At least half their own size where there is
+    /// none within reach, which keeps all searches together linear.
+    fn distance_to_rest(&mut self, gone: &[u32]) -> f32 {
+        let near = [self.next_left(gone[0], -1), self.next_left(gone[0], 1)];
+        let triangles = near.into_iter().flatten().flat_map(|position| {
+            let apex = self.evaluator.ring.point(position);
+            self.mesh.faces(position).take(LARGEST_PIECE).map(move |face| (apex, face.positions))
+        });
+        let triangles: Vec<[Vec3; 3]> = triangles
+            .map(|(apex, [a, b])| [apex, self.evaluator.ring.point(a), self.evaluator.ring.point(b)])
+            .collect();
+        let from = |point: Vec3| triangles.iter().map(move |&t| squared_distance(point, t)).min_by(f32::total_cmp);
+        let farthest = gone.iter().filter_map(|&position| from(self.evaluator.ring.point(position))).max_by(f32::total_cmp);
+        farthest.map_or(0.5 * self.evaluator.piece_size(gone), f32::sqrt)
+    }
+
+    /// The next position in the order of the mesh, up or down, that has a triangle left.
+    fn next_left(&mut self, from: u32, step: i32) -> Option<u32> {
+        let mut position = from;
+        while self.searches > 0 {
+            self.searches -= 1;
+            position = position.checked_add_signed(step).filter(|&p| (p as usize) < self.mesh.position_count())?;
+            if self.mesh.valence(position) > 0 {
+                return Some(position);
+            }
+        }
+        None
     }
 
     fn pieces(&self) -> Vec<Piece> {

@@ -1,37 +1,35 @@
-//! The best collapse of one position: its ring, the cost of every target, and the guards that forbid some.
+//! The best collapse of one position: the cost of every target, and the guards that forbid some or make them dearer.
 //!
-//! The cost is mostly the quadric of the *current* ring (memoryless, Lindstrom & Turk 1998) and a little of the
-//! accumulated one (Garland & Heckbert 1997), area-weighted, with planes that hold open boundaries and creases.
+//! The cost is the quadric of the *current* ring (memoryless, Lindstrom & Turk 1998), area-weighted, with planes that
+//! hold open boundaries and creases: how far the target is from the planes of the ring. To it is added the other way,
+//! how far the position is from the triangles that would be left ([`GAP_WEIGHT`]).
 
 use glam::Vec3;
 
 use super::Phase;
 use super::mesh::{CornerMesh, Face};
-use crate::geometry::quadric::Quadric;
-use crate::geometry::record::Stall;
+use super::ring::{Place, Ring};
+use crate::geometry::record::{Stall, VertexRecord};
 
-/// The share of the memoryless quadric; 0.9 / 0.1 gives a fifth to a quarter less error than the classic 0 / 1.
-const MEMORYLESS: f32 = 0.9;
-/// The weight of boundary planes against the surface's own, per squared edge length.
-const BOUNDARY_WEIGHT: f32 = 10.0;
-/// The same for creases, which the planes of both sides hold already where they are sharp.
-const CREASE_WEIGHT: f32 = 0.5;
-/// Two triangles fold when the sum of their outward directions is longer than this: a dihedral angle below 80 degrees.
-const FOLD: f32 = 1.53;
-/// Any other number of triangles bounds a surface when theirs is longer than this.
-const OPEN: f32 = 0.7;
 /// The least cosine between a triangle's normal before and after a strict collapse.
 pub(crate) const FLIP_LIMIT: f32 = 0.2;
 /// The least cosine at which a wedge may take on the attributes of one that it shares no triangle with.
 const SMEAR_LIMIT: f32 = 0.9;
 /// A slight preference for short edges, which decides on flat ground.
 const SHORTNESS: f32 = 1e-6;
-/// What relaxing a guard costs: the ring's area times this share of the squared edge length.
+/// What a change of topology costs: the ring's area times this share of the squared edge length.
 const RELAXED_PRICE: f32 = 0.1;
+/// What a smeared crease costs, in the same measure.
+const SMEAR_PRICE: f32 = 0.03;
+/// What the distance from the position to the surface that would be left costs, squared, for each unit of the ring's
+/// area.
+const GAP_WEIGHT: f32 = 1.0;
 /// Pieces of at most so many positions vanish whole when nothing of them can collapse.
-const LARGEST_PIECE: usize = 32;
+pub(super) const LARGEST_PIECE: usize = 32;
 /// At most so many targets are put to the guards, cheapest first: keeps a hub's evaluation linear in its valence.
 const TARGETS_TRIED: usize = 24;
+/// A position with more triangles than this is a hub: nothing that is done beside it may look at all of it.
+pub(super) const HUB: u32 = 64;
 
 /// What can be done with a position now.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,55 +49,27 @@ pub(super) enum Action {
     Vanish,
 }
 
-/// One neighbour of the position at hand.
-#[derive(Debug, Clone, Copy)]
-struct Neighbour {
-    position: u32,
-    /// Triangles on the edge.
-    faces: u32,
-    /// The wedge that the first of them names at the position at hand.
-    wedge: u32,
-    /// Whether another of them names a different one.
-    crease: bool,
-    /// The sum of the outward directions of its triangles across the edge: nothing where a surface goes on smoothly,
-    /// a unit vector at an open edge, two where a sheet folds back onto itself.
-    conormal: Vec3,
-}
-
-impl Neighbour {
-    /// The plane that holds the edge where it bounds the surface, and its weight. The planes of the triangles
-    /// themselves hold the surface only across, never along.
-    fn bounding_plane(&self) -> Option<(Vec3, f32)> {
-        let length = self.conormal.length();
-        let limit = if self.faces == 2 { FOLD } else { OPEN };
-        if length > limit {
-            Some((self.conormal / length, BOUNDARY_WEIGHT))
-        } else if self.crease && length > 0.0 {
-            Some((self.conormal / length, CREASE_WEIGHT))
-        } else {
-            None
-        }
-    }
-}
-
 /// The unchanging part of the problem.
 pub(super) struct Setting<'a> {
-    /// Positions in a local frame of unit size.
-    pub points: &'a [Vec3],
-    pub wedge_normals: &'a [Vec3],
+    pub wedges: &'a [VertexRecord],
+    pub coloured: bool,
     pub locked: &'a [bool],
+}
+
+impl Setting<'_> {
+    /// The cosine between the normals of two wedges.
+    fn likeness(&self, a: u32, b: u32) -> f32 {
+        if a == b {
+            return 1.0;
+        }
+        let normal = |wedge: u32| Vec3::from(self.wedges[wedge as usize].normal(self.coloured));
+        normal(a).dot(normal(b))
+    }
 }
 
 /// Working memory, reused from position to position.
 pub(super) struct Evaluator {
-    pub faces: Vec<Face>,
-    neighbours: Vec<Neighbour>,
-    /// For each position: the stamp of the last ring it was in, and its index there.
-    mark: Vec<(u32, u32)>,
-    stamp: u32,
-    /// For each position: the last count that it was in, of common neighbours or of the positions of a piece.
-    counted: Vec<u32>,
-    count: u32,
+    pub ring: Ring,
     by_cost: Vec<(f32, u32)>,
     /// Positions of the piece that [`Action::Vanish`] is about.
     pub piece: Vec<u32>,
@@ -108,363 +78,222 @@ pub(super) struct Evaluator {
 }
 
 impl Evaluator {
-    pub fn new(positions: usize) -> Self {
-        Self {
-            faces: Vec::new(),
-            neighbours: Vec::new(),
-            mark: vec![(0, 0); positions],
-            stamp: 0,
-            counted: vec![0; positions],
-            count: 0,
-            by_cost: Vec::new(),
-            piece: Vec::new(),
-            mapping: Vec::new(),
-        }
+    pub fn new(places: Vec<Place>) -> Self {
+        Self { ring: Ring::new(places), by_cost: Vec::new(), piece: Vec::new(), mapping: Vec::new() }
     }
 
-    /// The cheapest allowed step for a position, or why there is none.
+    /// A lower bound of the cost of the best step for a position, without a look at the guards; `None` if there is no
+    /// step at all.
+    pub fn bound(&mut self, mesh: &mut CornerMesh, setting: &Setting<'_>, position: u32) -> Option<f32> {
+        if setting.locked[position as usize] {
+            return None;
+        }
+        self.ring.collect(mesh, position);
+        self.rank_targets();
+        self.by_cost.iter().map(|entry| entry.0).min_by(f32::total_cmp)
+    }
+
+    /// The cheapest step for a position, or why there is none.
     ///
-    /// The guards are relaxed only where nothing else is allowed, and at a price: what is stuck must not stay while
-    /// everything around it goes. Of the relaxed steps the cheapest is taken, whichever guard it needs relaxed; only
-    /// turning a triangle waits until there is no other.
+    /// Guards that are relaxed have a price: what is stuck must not stay while everything around it goes. Only turning
+    /// a triangle waits until there is no other step.
     pub fn best(
         &mut self,
         mesh: &mut CornerMesh,
         setting: &Setting<'_>,
-        accumulated: &[Quadric],
         position: u32,
     ) -> Result<Candidate, Stall> {
         if setting.locked[position as usize] {
             return Err(Stall::Boundary);
         }
-        self.collect(mesh, position);
-        if self.faces.is_empty() {
+        self.ring.collect(mesh, position);
+        if self.ring.faces.is_empty() {
             return Err(Stall::None);
         }
-        let ring = self.ring_quadric(setting, position);
-        let chain = self.chain();
-        self.rank_targets(setting, accumulated, position, ring, chain == Some(true));
-        let mut stall = if chain.is_none() { Stall::NonManifold } else { Stall::None };
-        let mut best: Option<Candidate> = None;
-        for phase in [Phase::Strict, Phase::Smear, Phase::Topology, Phase::Free] {
-            if chain.is_none() && phase.keeps_topology() || best.is_some() && phase == Phase::Free {
-                continue;
-            }
-            match self.first_allowed(mesh, setting, position, phase) {
-                Ok((target, cost)) => {
-                    let cost = cost + self.price(setting, position, target, ring.1, phase);
-                    let candidate = Candidate { action: Action::Collapse(target), cost, phase };
-                    if phase == Phase::Strict {
-                        return Ok(candidate);
-                    }
-                    if best.is_none_or(|best| cost < best.cost) {
-                        best = Some(candidate);
-                    }
-                }
-                Err(cause) => stall = if cause == Stall::None { stall } else { cause },
-            }
-        }
-        if let Some(best) = best {
-            return Ok(best);
-        }
-        self.vanishing(mesh, setting, position).ok_or(stall)
-    }
-
-    /// What relaxing the guards costs: as if the surface had moved by a share of the edge.
-    fn price(&self, setting: &Setting<'_>, position: u32, target: u32, area: f32, phase: Phase) -> f32 {
-        if phase == Phase::Strict {
-            return 0.0;
-        }
-        RELAXED_PRICE
-            * area
-            * setting.points[position as usize].distance_squared(setting.points[target as usize])
-    }
-
-    fn first_allowed(
-        &mut self,
-        mesh: &CornerMesh,
-        setting: &Setting<'_>,
-        position: u32,
-        phase: Phase,
-    ) -> Result<(u32, f32), Stall> {
-        let mut stall = Stall::None;
+        self.rank_targets();
+        let junction = self.ring.chain.is_none();
+        let (mut best, mut turning): (Option<Candidate>, Option<Candidate>) = (None, None);
         for i in 0..self.by_cost.len().min(TARGETS_TRIED) {
-            let (cost, slot) = self.by_cost[i];
-            match self.guard(mesh, setting, position, slot, phase) {
-                Ok(()) => return Ok((self.neighbours[slot as usize].position, cost)),
-                Err(cause) => stall = if stall == Stall::None { cause } else { stall },
+            let (cost, slot) = self.take_cheapest(i);
+            if best.is_some_and(|best| best.cost <= cost) {
+                break;
+            }
+            let Some((phase, price)) = self.guard(mesh, setting, position, slot, junction) else { continue };
+            let target = self.ring.neighbours[slot as usize].position;
+            let candidate = Candidate { action: Action::Collapse(target), cost: cost + price, phase };
+            let rival = if phase == Phase::Free { &mut turning } else { &mut best };
+            if rival.is_none_or(|rival| candidate.cost < rival.cost) {
+                *rival = Some(candidate);
             }
         }
-        Err(stall)
+        best.or(turning).or_else(|| self.vanishing(mesh, setting, position)).ok_or(Stall::NonManifold)
+    }
+
+    /// Moves the cheapest of the targets from the `i`-th on to place `i`.
+    fn take_cheapest(&mut self, i: usize) -> (f32, u32) {
+        let before = |a: (f32, u32), b: (f32, u32)| a.0 < b.0 || a.0 == b.0 && a.1 < b.1;
+        let mut least = i;
+        for j in i + 1..self.by_cost.len() {
+            if before(self.by_cost[j], self.by_cost[least]) {
+                least = j;
+            }
+        }
+        self.by_cost.swap(i, least);
+        self.by_cost[i]
     }
 
     /// A small piece that nothing can collapse vanishes whole, at the price of its size.
     fn vanishing(&mut self, mesh: &CornerMesh, setting: &Setting<'_>, position: u32) -> Option<Candidate> {
         self.piece.clear();
         self.piece.push(position);
-        let stamp = self.next_count();
-        self.counted[position as usize] = stamp;
         let mut at = 0;
         while at < self.piece.len() {
             for face in mesh.faces(self.piece[at]) {
                 for other in face.positions {
-                    if std::mem::replace(&mut self.counted[other as usize], stamp) != stamp {
+                    if !self.piece.contains(&other) {
                         self.piece.push(other);
                     }
                 }
+                if self.piece.len() > LARGEST_PIECE {
+                    return None;
+                }
             }
             at += 1;
-            if self.piece.len() > LARGEST_PIECE {
-                return None;
-            }
         }
-        let corners: u32 = self.piece.iter().map(|&p| mesh.valence[p as usize]).sum();
+        let corners: u32 = self.piece.iter().map(|&p| mesh.valence(p)).sum();
         let all = corners as usize / 3 >= mesh.live_triangles;
         if all || self.piece.iter().any(|&p| setting.locked[p as usize]) {
             return None;
         }
-        let size = piece_size(setting, &self.piece);
+        let size = self.piece_size(&self.piece);
         Some(Candidate { action: Action::Vanish, cost: size.powi(4), phase: Phase::Vanish })
     }
 
-    fn next_stamp(&mut self) -> u32 {
-        self.stamp += 1;
-        self.stamp
-    }
-
-    fn next_count(&mut self) -> u32 {
-        self.count += 1;
-        self.count
-    }
-
-    /// Fills `faces` and `neighbours` and marks the ring.
-    fn collect(&mut self, mesh: &mut CornerMesh, position: u32) {
-        mesh.collect_faces(position, &mut self.faces);
-        let stamp = self.next_stamp();
-        self.neighbours.clear();
-        for face in &self.faces {
-            for other in face.positions {
-                let mark = &mut self.mark[other as usize];
-                if mark.0 == stamp {
-                    let neighbour = &mut self.neighbours[mark.1 as usize];
-                    neighbour.faces += 1;
-                    neighbour.crease |= neighbour.wedge != face.wedge;
-                } else {
-                    *mark = (stamp, self.neighbours.len() as u32);
-                    let entry = Neighbour {
-                        position: other,
-                        faces: 1,
-                        wedge: face.wedge,
-                        crease: false,
-                        conormal: Vec3::ZERO,
-                    };
-                    self.neighbours.push(entry);
-                }
-            }
-        }
-    }
-
-    /// Whether edges with other than two triangles form a chain through the position: `Some(false)` if it has none,
-    /// `Some(true)` along a boundary or a seam where sheets meet, `None` at a junction of such edges.
-    fn chain(&self) -> Option<bool> {
-        let mut features = self.neighbours.iter().filter(|n| n.faces != 2).map(|n| n.faces);
-        match (features.next(), features.next(), features.next()) {
-            (None, _, _) => Some(false),
-            (Some(first), Some(second), None) if first == second => Some(true),
-            _ => None,
-        }
-    }
-
-    /// The quadric of the current ring: its planes, and planes along the edges that bound it.
-    fn ring_quadric(&mut self, setting: &Setting<'_>, position: u32) -> (Quadric, f32) {
-        let origin = setting.points[position as usize];
-        let mut quadric = Quadric::default();
-        let mut total = 0.0;
-        for i in 0..self.faces.len() {
-            let face = self.faces[i];
-            let [a, b] = face.positions.map(|p| setting.points[p as usize] - origin);
-            let cross = a.cross(b);
-            let twice = cross.length();
-            if twice <= 0.0 {
-                continue;
-            }
-            let normal = cross / twice;
-            total += 0.5 * twice;
-            quadric.add_plane(normal, 0.5 * twice);
-            // Outwards in the plane of the triangle, across its two edges at the position.
-            for (other, outwards) in face.positions.into_iter().zip([a.cross(normal), normal.cross(b)]) {
-                let slot = self.mark[other as usize].1 as usize;
-                self.neighbours[slot].conormal += outwards.normalize_or_zero();
-            }
-        }
-        for neighbour in &self.neighbours {
-            if let Some((normal, weight)) = neighbour.bounding_plane() {
-                let edge = setting.points[neighbour.position as usize] - origin;
-                quadric.add_plane(normal, weight * edge.length_squared());
-            }
-        }
-        (quadric, total)
-    }
-
-    fn rank_targets(
-        &mut self,
-        setting: &Setting<'_>,
-        accumulated: &[Quadric],
-        position: u32,
-        (ring, area): (Quadric, f32),
-        on_chain: bool,
-    ) {
-        let origin = setting.points[position as usize];
-        let memory = accumulated[position as usize];
+    fn rank_targets(&mut self) {
+        let ring = &self.ring;
+        let quadric = ring.quadric;
+        let on_chain = ring.chain == Some(true);
         self.by_cost.clear();
-        for (slot, neighbour) in self.neighbours.iter().enumerate() {
+        for (slot, neighbour) in ring.neighbours.iter().enumerate() {
             // A position on a boundary or a seam slides along it.
             if on_chain && neighbour.faces == 2 {
                 continue;
             }
-            let offset = setting.points[neighbour.position as usize] - origin;
-            let quadrics = MEMORYLESS * ring.at(offset) + (1.0 - MEMORYLESS) * memory.at(offset);
-            let cost = quadrics + SHORTNESS * area * offset.length_squared();
+            let offset = neighbour.offset;
+            let cost = quadric.at(offset) + SHORTNESS * ring.area * offset.length_squared();
             self.by_cost.push((cost, slot as u32));
         }
-        self.by_cost.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     }
 
-    /// Whether the collapse onto a neighbour is allowed, or the guard that forbids it.
+    /// The phase in which the collapse onto a neighbour is allowed, and its price; `None` if it never is.
     fn guard(
         &mut self,
         mesh: &CornerMesh,
         setting: &Setting<'_>,
         position: u32,
         slot: u32,
-        phase: Phase,
-    ) -> Result<(), Stall> {
-        let neighbour = self.neighbours[slot as usize];
+        junction: bool,
+    ) -> Option<(Phase, f32)> {
+        let neighbour = self.ring.neighbours[slot as usize];
         // Something of the part always stays: an empty picture is worth no saving.
         if neighbour.faces as usize >= mesh.live_triangles {
-            return Err(Stall::None);
+            return None;
         }
-        let smears = !self.map_wedges(mesh, setting, neighbour.position);
-        if smears && phase == Phase::Strict {
-            return Err(Stall::Crease);
+        let unit = self.ring.area * neighbour.offset.length_squared();
+        if self.turns(neighbour.position, neighbour.offset) {
+            return self
+                .map_wedges(mesh, setting, neighbour.position)
+                .map(|_| (Phase::Free, RELAXED_PRICE * unit));
         }
-        if phase.keeps_sides() && self.flips(setting, position, neighbour.position) {
-            return Err(Stall::Flip);
+        let likeness = self.map_wedges(mesh, setting, neighbour.position)?;
+        let gap = GAP_WEIGHT * self.ring.area * self.ring.gap(neighbour.position, neighbour.offset);
+        let smear = if likeness < SMEAR_LIMIT { SMEAR_PRICE * unit } else { 0.0 };
+        if junction || !self.link_holds(mesh, position, neighbour.position) {
+            return Some((Phase::Topology, RELAXED_PRICE * unit + smear + gap));
         }
-        if phase.keeps_topology() && !self.link_holds(mesh, position, neighbour.position) {
-            return Err(Stall::NonManifold);
-        }
-        Ok(())
+        Some((if smear > 0.0 { Phase::Smear } else { Phase::Strict }, smear + gap))
     }
 
     /// Whether a surviving triangle would turn by more than the limit, or lose its area.
-    fn flips(&self, setting: &Setting<'_>, position: u32, target: u32) -> bool {
-        let (from, to) = (setting.points[position as usize], setting.points[target as usize]);
-        self.faces.iter().filter(|face| !face.touches(target)).any(|face| {
-            let [a, b] = face.positions.map(|p| setting.points[p as usize]);
-            let before = (a - from).cross(b - from);
-            let after = (a - to).cross(b - to);
-            // A triangle without area has no side to be kept.
-            before.length_squared() > 0.0
-                && before.dot(after) <= FLIP_LIMIT * before.length() * after.length()
-        })
+    fn turns(&self, target: u32, offset: Vec3) -> bool {
+        self.ring
+            .faces
+            .iter()
+            .any(|f| !f.face.touches(target) && f.flips(offset, self.ring.around, FLIP_LIMIT))
     }
 
     /// The link condition (Dey et al. 1999): the two ends have no common neighbour but across the edge's own
     /// triangles, and no triangle of the one would fall onto one of the other.
     fn link_holds(&mut self, mesh: &CornerMesh, position: u32, target: u32) -> bool {
-        let across = self.next_count();
-        for face in mesh.faces(target).filter(|face| face.touches(position)) {
-            for p in face.positions {
-                self.counted[p as usize] = across;
+        for i in 0..self.ring.faces.len() {
+            let face = self.ring.faces[i].face;
+            if face.touches(target) {
+                for p in face.positions {
+                    if let Some(slot) = self.ring.slot(p) {
+                        self.ring.neighbours[slot].across = target;
+                    }
+                }
             }
         }
-        let in_ring = |p: u32| self.mark[p as usize].0 == self.stamp;
-        let breaks = |face: Face| {
-            let common = face.positions.map(in_ring);
-            let stray = |i: usize| common[i] && self.counted[face.positions[i] as usize] != across;
-            stray(0) || stray(1) || common == [true, true] && self.has_face(face.positions)
-        };
-        !mesh.faces(target).filter(|face| !face.touches(position)).any(breaks)
+        if mesh.valence(target) <= HUB {
+            return !mesh.faces(target).any(|face| !face.touches(position) && self.breaks(face, target));
+        }
+        let on_target = |face: &Face| face.touches(target) && !face.touches(position);
+        !self.ring.neighbours.iter().filter(|n| n.position != target).any(|n| {
+            mesh.faces(n.position).filter(on_target).any(|face| {
+                let [a, b] = face.positions;
+                self.breaks(Face { positions: [n.position, if a == target { b } else { a }], ..face }, target)
+            })
+        })
     }
 
-    fn has_face(&self, [a, b]: [u32; 2]) -> bool {
-        self.faces.iter().any(|face| face.touches(a) && face.touches(b))
+    /// Whether a triangle of the target would meet the ring where it must not.
+    fn breaks(&self, face: Face, target: u32) -> bool {
+        let [a, b] = face.positions.map(|p| self.ring.slot(p));
+        let stray =
+            |slot: Option<usize>| slot.is_some_and(|slot| self.ring.neighbours[slot].across != target);
+        stray(a) || stray(b) || a.is_some() && b.is_some() && self.ring.has_face(face.positions)
     }
 
-    /// Finds for every wedge of the position the wedge of the target that it becomes; false if one would take on
-    /// attributes across a crease.
-    pub fn map_wedges(&mut self, mesh: &CornerMesh, setting: &Setting<'_>, target: u32) -> bool {
+    /// Finds for every wedge of the position the wedge of the target that it becomes, and the least cosine between
+    /// the normals of those that share no triangle; `None` if the target has no wedge to offer.
+    pub fn map_wedges(&mut self, mesh: &CornerMesh, setting: &Setting<'_>, target: u32) -> Option<f32> {
         self.mapping.clear();
-        let normals = setting.wedge_normals;
-        let likeness = |a: u32, b: u32| normals[a as usize].dot(normals[b as usize]);
-        let mut clean = true;
-        for i in 0..self.faces.len() {
-            let wedge = self.faces[i].wedge;
-            if self.mapping.iter().any(|&(from, _)| from == wedge) {
+        let mut least = 1f32;
+        let mut last = super::mesh::NONE;
+        for i in 0..self.ring.faces.len() {
+            let wedge = self.ring.faces[i].face.wedge;
+            if std::mem::replace(&mut last, wedge) == wedge || self.mapping.iter().any(|m| m.0 == wedge) {
                 continue;
             }
-            let shared = self
-                .faces
-                .iter()
-                .filter(|face| face.wedge == wedge)
-                .flat_map(|face| face.positions.into_iter().zip(face.wedges))
-                .filter(|&(p, _)| p == target)
-                .map(|(_, w)| w)
-                .max_by(|&a, &b| likeness(wedge, a).total_cmp(&likeness(wedge, b)));
-            let to = match shared {
+            let likest =
+                |a: &u32, b: &u32| setting.likeness(wedge, *a).total_cmp(&setting.likeness(wedge, *b));
+            let to = match self.shared_wedges(wedge, target).max_by(likest) {
                 Some(to) => to,
                 None => {
-                    let best = mesh
-                        .live_wedges(target)
-                        .max_by(|&a, &b| likeness(wedge, a).total_cmp(&likeness(wedge, b)));
-                    let Some(best) = best else { return false };
-                    clean &= likeness(wedge, best) >= SMEAR_LIMIT;
-                    best
+                    let to = mesh.live_wedges(target).max_by(likest)?;
+                    least = least.min(setting.likeness(wedge, to));
+                    to
                 }
             };
             self.mapping.push((wedge, to));
         }
-        clean
+        Some(least)
     }
 
-    /// The largest distance from the target to a plane of the position's ring: how far the surface moves.
-    pub fn deviation(&self, setting: &Setting<'_>, position: u32, target: u32) -> f32 {
-        let origin = setting.points[position as usize];
-        let offset = setting.points[target as usize] - origin;
-        let mut deviation = 0f32;
-        for face in &self.faces {
-            let [a, b] = face.positions.map(|p| setting.points[p as usize] - origin);
-            let normal = a.cross(b).normalize_or_zero();
-            deviation = deviation.max(normal.dot(offset).abs());
-        }
-        for neighbour in &self.neighbours {
-            if let Some((normal, BOUNDARY_WEIGHT)) = neighbour.bounding_plane() {
-                deviation = deviation.max(normal.dot(offset).abs());
-            }
-        }
-        deviation
+    /// The wedges of the target that share a triangle with a wedge of the position, some of them more than once.
+    fn shared_wedges(&self, wedge: u32, target: u32) -> impl Iterator<Item = u32> + '_ {
+        let mut last = super::mesh::NONE;
+        self.ring.faces.iter().filter(move |f| f.face.wedge == wedge).filter_map(move |f| {
+            let i = f.face.positions.iter().position(|&p| p == target)?;
+            let shared = f.face.wedges[i];
+            (std::mem::replace(&mut last, shared) != shared).then_some(shared)
+        })
     }
 
-    /// The neighbours that the last ring had.
-    pub fn neighbour_positions(&self) -> impl Iterator<Item = u32> + '_ {
-        self.neighbours.iter().map(|n| n.position)
+    /// The diagonal of the box of some positions.
+    pub fn piece_size(&self, positions: &[u32]) -> f32 {
+        let points = || positions.iter().map(|&p| self.ring.point(p));
+        (points().fold(Vec3::NEG_INFINITY, Vec3::max) - points().fold(Vec3::INFINITY, Vec3::min)).length()
     }
-
-    /// The starting quadric of a position, from the last ring that was collected.
-    pub fn initial_quadric(
-        &mut self,
-        mesh: &mut CornerMesh,
-        setting: &Setting<'_>,
-        position: u32,
-    ) -> Quadric {
-        self.collect(mesh, position);
-        self.ring_quadric(setting, position).0
-    }
-}
-
-/// The diagonal of the box of some positions.
-pub(super) fn piece_size(setting: &Setting<'_>, positions: &[u32]) -> f32 {
-    let points = || positions.iter().map(|&p| setting.points[p as usize]);
-    (points().fold(Vec3::NEG_INFINITY, Vec3::max) - points().fold(Vec3::INFINITY, Vec3::min)).length()
 }

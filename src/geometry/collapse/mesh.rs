@@ -1,7 +1,10 @@
-//! The mesh while it is being collapsed: corners in linked lists by position, and which wedge each corner names.
+//! The mesh while it is being collapsed: which positions and wedges the corners of each triangle name, and which
+//! corners lie at each position.
 //!
-//! Corner `3 t + k` is corner `k` of triangle `t`. A collapse moves the corners of one position to another and kills
-//! the triangles between; the corners of dead triangles stay in the lists until the next walk unlinks them.
+//! A corner is named `4 t + k`, corner `k` of triangle `t`. The corners of a position lie together in one array, so
+//! that a walk around it needs no chain of loads. A collapse appends the corners of one position to those of another
+//! and kills the triangles between; dead corners stay in the lists until the next walk of the evaluator drops them. A
+//! list that is full moves to the end of the array, with room to grow by half.
 
 use crate::geometry::weld::WeldedMesh;
 
@@ -9,25 +12,51 @@ pub(super) const NONE: u32 = u32::MAX;
 
 /// The dynamic mesh.
 pub(super) struct CornerMesh {
-    /// The wedge that each corner names now.
-    pub corner_wedge: Vec<u32>,
-    /// The position of each wedge (never changes).
-    pub wedge_position: Vec<u32>,
+    triangles: Vec<Triangle>,
+    lists: Vec<List>,
+    /// The corners of all positions, each list in one piece.
+    corners: Vec<u32>,
     /// Where the wedges of each position start (never changes).
-    pub wedge_start: Vec<u32>,
-    /// Whether each triangle is alive.
-    pub alive: Vec<bool>,
+    wedge_start: Vec<u32>,
+    /// How many live corners name each wedge; a wedge that none names has left the order or is about to.
+    wedge_corners: Vec<u32>,
     /// How many triangles are alive.
     pub live_triangles: usize,
-    /// How many live triangles meet at each position.
-    pub valence: Vec<u32>,
-    /// How many live corners name each wedge; a wedge that none names has left the order or is about to.
-    pub wedge_corners: Vec<u32>,
-    head: Vec<u32>,
-    next: Vec<u32>,
 }
 
-/// A live triangle seen from one of its corners: the corner, and the wedges of the other two in turn.
+/// Half a cache line, so that what is known of a triangle takes one load.
+#[derive(Clone, Copy)]
+#[repr(C, align(32))]
+struct Triangle {
+    /// The positions of the corners, the first of them [`NONE`] in a dead triangle, and the witness (`drift.rs`).
+    positions: [u32; 4],
+    /// The wedges of the corners, and nothing.
+    wedges: [u32; 4],
+}
+
+/// The corner after `k`, for `k` below 3; without a branch, since no processor guesses `k`.
+#[inline(always)]
+fn after(k: usize) -> usize {
+    0b00_10_01 >> (2 * k) & 3
+}
+
+/// The corners of one position: `corners[start..start + len]`, dead ones among them, and room for some more.
+#[derive(Clone, Copy, Default)]
+struct List {
+    start: u32,
+    len: u32,
+    room: u32,
+    /// How many of them are alive.
+    live: u32,
+}
+
+impl List {
+    fn range(self) -> std::ops::Range<usize> {
+        self.start as usize..(self.start + self.len) as usize
+    }
+}
+
+/// A live triangle seen from one of its corners: the corner, and the wedges and positions of the other two in turn.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Face {
     pub corner: u32,
@@ -38,7 +67,7 @@ pub(super) struct Face {
 
 impl Face {
     pub fn triangle(self) -> u32 {
-        self.corner / 3
+        self.corner >> 2
     }
 
     /// Whether one of the other two corners is at this position.
@@ -49,108 +78,137 @@ impl Face {
 
 impl CornerMesh {
     pub fn new(mesh: &WeldedMesh) -> Self {
-        let corner_wedge: Vec<u32> = mesh.triangles.iter().flatten().copied().collect();
-        let positions = mesh.positions.len();
-        let mut this = Self {
-            wedge_position: mesh.wedge_position.clone(),
-            wedge_start: mesh.wedge_starts(),
-            alive: vec![true; mesh.triangles.len()],
-            live_triangles: mesh.triangles.len(),
-            valence: vec![0; positions],
-            wedge_corners: vec![0; mesh.wedges.len()],
-            head: vec![NONE; positions],
-            next: vec![NONE; corner_wedge.len()],
-            corner_wedge,
-        };
-        for corner in (0..this.corner_wedge.len() as u32).rev() {
-            let wedge = this.corner_wedge[corner as usize];
-            this.link(corner, this.wedge_position[wedge as usize]);
-            this.wedge_corners[wedge as usize] += 1;
+        let triangles: Vec<Triangle> = mesh
+            .triangles
+            .iter()
+            .map(|&[u, v, w]| {
+                let [p, q, r] = mesh.corner_positions([u, v, w]);
+                Triangle { positions: [p, q, r, NONE], wedges: [u, v, w, NONE] }
+            })
+            .collect();
+        let mut wedge_corners = vec![0; mesh.wedges.len()];
+        for &wedge in mesh.triangles.iter().flatten() {
+            wedge_corners[wedge as usize] += 1;
         }
-        this
-    }
-
-    fn link(&mut self, corner: u32, position: u32) {
-        self.next[corner as usize] = self.head[position as usize];
-        self.head[position as usize] = corner;
-        self.valence[position as usize] += 1;
+        let mut lists = lists_for(&triangles, mesh.positions.len());
+        let mut corners = vec![0; 3 * triangles.len()];
+        for (t, triangle) in triangles.iter().enumerate() {
+            for (k, &position) in triangle.positions[..3].iter().enumerate() {
+                let list = &mut lists[position as usize];
+                corners[(list.start + list.len) as usize] = 4 * t as u32 + k as u32;
+                list.len += 1;
+            }
+        }
+        Self {
+            live_triangles: triangles.len(),
+            wedge_start: mesh.wedge_starts(),
+            triangles,
+            lists,
+            corners,
+            wedge_corners,
+        }
     }
 
     pub fn position_count(&self) -> usize {
-        self.head.len()
+        self.lists.len()
     }
 
-    fn face(&self, corner: u32) -> Face {
-        let first = corner - corner % 3;
-        let k = corner % 3;
-        let wedges = [1, 2].map(|step| self.corner_wedge[(first + (k + step) % 3) as usize]);
-        Face {
+    /// How many live triangles meet at a position.
+    pub fn valence(&self, position: u32) -> u32 {
+        self.lists[position as usize].live
+    }
+
+    #[inline(always)]
+    fn face(&self, corner: u32) -> Option<Face> {
+        let triangle = &self.triangles[(corner >> 2) as usize];
+        let i = (corner & 3) as usize;
+        let (j, k) = (after(i), after(after(i)));
+        let (positions, wedges) = (&triangle.positions, &triangle.wedges);
+        (positions[0] != NONE).then(|| Face {
             corner,
-            wedge: self.corner_wedge[corner as usize],
-            wedges,
-            positions: wedges.map(|wedge| self.wedge_position[wedge as usize]),
-        }
+            wedge: wedges[i],
+            wedges: [wedges[j], wedges[k]],
+            positions: [positions[j], positions[k]],
+        })
+    }
+
+    /// The witness of a triangle, [`NONE`] if it has none.
+    pub fn witness(&mut self, triangle: u32) -> &mut u32 {
+        &mut self.triangles[triangle as usize].positions[3]
     }
 
     /// The live triangles around a position.
     pub fn faces(&self, position: u32) -> impl Iterator<Item = Face> + '_ {
-        let mut corner = self.head[position as usize];
-        std::iter::from_fn(move || {
-            while corner != NONE {
-                let current = corner;
-                corner = self.next[current as usize];
-                if self.alive[current as usize / 3] {
-                    return Some(self.face(current));
-                }
-            }
-            None
-        })
+        let list = self.lists[position as usize];
+        self.corners[list.range()].iter().filter_map(|&corner| self.face(corner))
     }
 
-    /// Unlinks dead corners of a position and collects its live triangles.
-    pub fn collect_faces(&mut self, position: u32, faces: &mut Vec<Face>) {
-        faces.clear();
-        let mut last = NONE;
-        let mut corner = self.head[position as usize];
-        while corner != NONE {
-            let next = self.next[corner as usize];
-            if self.alive[corner as usize / 3] {
-                faces.push(self.face(corner));
-                last = corner;
-            } else if last == NONE {
-                self.head[position as usize] = next;
-            } else {
-                self.next[last as usize] = next;
+    /// Hands the live triangles around a position to `take` and drops its dead corners.
+    #[inline]
+    pub fn collect_faces(&mut self, position: u32, mut take: impl FnMut(Face)) {
+        let list = self.lists[position as usize];
+        let mut kept = list.start as usize;
+        for i in list.range() {
+            let corner = self.corners[i];
+            if let Some(face) = self.face(corner) {
+                take(face);
+                self.corners[kept] = corner;
+                kept += 1;
             }
-            corner = next;
         }
+        self.lists[position as usize].len = kept as u32 - list.start;
     }
 
     /// Kills a triangle; returns the wedges of its corners.
     pub fn kill(&mut self, triangle: u32) -> [u32; 3] {
-        self.alive[triangle as usize] = false;
+        let Triangle { positions, wedges } = self.triangles[triangle as usize];
+        self.triangles[triangle as usize].positions[0] = NONE;
         self.live_triangles -= 1;
-        [0, 1, 2].map(|k| {
-            let wedge = self.corner_wedge[(3 * triangle + k) as usize];
-            self.wedge_corners[wedge as usize] -= 1;
-            self.valence[self.wedge_position[wedge as usize] as usize] -= 1;
-            wedge
-        })
+        for k in 0..3 {
+            self.lists[positions[k] as usize].live -= 1;
+            self.wedge_corners[wedges[k] as usize] -= 1;
+        }
+        [wedges[0], wedges[1], wedges[2]]
     }
 
-    /// Points a corner, whose position's list is about to be dropped, at a wedge of another position.
-    pub fn repoint(&mut self, corner: u32, wedge: u32) {
-        let old = self.corner_wedge[corner as usize];
-        self.wedge_corners[old as usize] -= 1;
-        self.valence[self.wedge_position[old as usize] as usize] -= 1;
-        self.corner_wedge[corner as usize] = wedge;
+    /// Points a live corner, whose position's list is about to be dropped, at a wedge of another position.
+    pub fn repoint(&mut self, corner: u32, wedge: u32, position: u32) {
+        let triangle = &mut self.triangles[(corner >> 2) as usize];
+        let k = (corner & 3) as usize;
+        self.wedge_corners[triangle.wedges[k] as usize] -= 1;
         self.wedge_corners[wedge as usize] += 1;
-        self.link(corner, self.wedge_position[wedge as usize]);
+        triangle.wedges[k] = wedge;
+        triangle.positions[k] = position;
+        self.push(position, corner);
+    }
+
+    fn push(&mut self, position: u32, corner: u32) {
+        if self.lists[position as usize].len == self.lists[position as usize].room {
+            self.make_room(position);
+        }
+        let list = &mut self.lists[position as usize];
+        self.corners[(list.start + list.len) as usize] = corner;
+        list.len += 1;
+        list.live += 1;
+    }
+
+    /// Drops dead corners, and moves a list that is still more than two thirds full to where it has room.
+    fn make_room(&mut self, position: u32) {
+        self.collect_faces(position, |_| {});
+        let list = self.lists[position as usize];
+        if list.len * 3 <= list.room * 2 && list.room > 3 {
+            return;
+        }
+        let room = list.len + list.len / 2 + 4;
+        let start = self.corners.len() as u32;
+        self.corners.extend_from_within(list.range());
+        self.corners.resize((start + room) as usize, NONE);
+        self.lists[position as usize] = List { start, room, ..list };
     }
 
     /// Drops the list of a position that has no live corner left.
     pub fn drop_list(&mut self, position: u32) {
-        self.head[position as usize] = NONE;
+        self.lists[position as usize] = List::default();
     }
 
     /// All wedges of a position, alive or not.
@@ -158,8 +216,28 @@ impl CornerMesh {
         self.wedge_start[position as usize]..self.wedge_start[position as usize + 1]
     }
 
+    /// Whether a live corner names the wedge.
+    pub fn is_named(&self, wedge: u32) -> bool {
+        self.wedge_corners[wedge as usize] > 0
+    }
+
     /// The wedges of a position that a live corner names.
     pub fn live_wedges(&self, position: u32) -> impl Iterator<Item = u32> + '_ {
-        self.wedges_of(position).filter(|&wedge| self.wedge_corners[wedge as usize] > 0)
+        self.wedges_of(position).filter(|&wedge| self.is_named(wedge))
     }
+}
+
+/// Empty lists, one after another, each with room for all corners of its position.
+fn lists_for(triangles: &[Triangle], positions: usize) -> Vec<List> {
+    let mut lists = vec![List::default(); positions];
+    for position in triangles.iter().flat_map(|triangle| &triangle.positions[..3]) {
+        lists[*position as usize].room += 1;
+    }
+    let mut start = 0;
+    for list in &mut lists {
+        list.start = start;
+        list.live = list.room;
+        start += list.room;
+    }
+    lists
 }

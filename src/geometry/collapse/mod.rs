@@ -13,22 +13,32 @@
 //! 4. Small pieces that nothing can collapse any further vanish whole, at the price of their size; at the end all
 //!    that are left do, the smallest first. The largest stays.
 
+mod drift;
 mod evaluate;
 mod mesh;
 mod queue;
+mod ring;
 
 use glam::Vec3;
 
 use super::adjacency::position_edges;
-use super::quadric::Quadric;
 use super::record::Stall;
 use super::weld::WeldedMesh;
-use evaluate::{Action, Candidate, Evaluator, Setting, piece_size};
+use drift::{Drift, squared_distance};
+use evaluate::{Action, Candidate, Evaluator, HUB, LARGEST_PIECE, Setting};
 use mesh::CornerMesh;
 use queue::BucketQueue;
+use ring::Place;
 
 pub(crate) use evaluate::FLIP_LIMIT;
 
+/// What a polyline moves when a vertex goes, as a share of how far the target is from the line of its far edge.
+const SAGITTA: f32 = 0.5;
+/// Searches for what is left beside a piece that has gone look at so many positions for each of the mesh.
+const SEARCHES: usize = 16;
+/// A step is taken unless another may cost less than this share of it: closer than that, looking twice is worth
+/// nothing.
+const SLACK: f32 = 0.8;
 /// What may happen to open boundaries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Boundary {
@@ -108,15 +118,13 @@ pub struct CollapseOrder {
 
 /// Computes the complete collapse order of a welded mesh. `locked` has one entry per position.
 pub fn collapse_order(mesh: &WeldedMesh, locked: &[bool], boundary: Boundary) -> CollapseOrder {
-    let (points, grid_steps) = local_points(mesh);
-    let wedge_normals: Vec<Vec3> =
-        mesh.wedges.iter().map(|wedge| wedge.normal(mesh.coloured).into()).collect();
+    let (places, grid_steps) = local_places(mesh);
     let locked = match boundary {
         Boundary::Slide => locked.to_vec(),
         Boundary::Lock => with_open_positions(mesh, locked),
     };
-    let setting = Setting { points: &points, wedge_normals: &wedge_normals, locked: &locked };
-    let mut simplifier = Simplifier::new(mesh, setting, grid_steps);
+    let setting = Setting { wedges: &mesh.wedges, coloured: mesh.coloured, locked: &locked };
+    let mut simplifier = Simplifier::new(mesh, setting, places, grid_steps);
     simplifier.run();
     simplifier.order.stall = simplifier.common_stall();
     simplifier.vanish_pieces();
@@ -135,7 +143,7 @@ fn with_open_positions(mesh: &WeldedMesh, locked: &[bool]) -> Vec<bool> {
 }
 
 /// Positions centred and scaled to unit size, and how many grid steps a unit is.
-fn local_points(mesh: &WeldedMesh) -> (Vec<Vec3>, f32) {
+fn local_places(mesh: &WeldedMesh) -> (Vec<Place>, f32) {
     let mut low = [u32::MAX; 3];
     let mut high = [0; 3];
     for position in &mesh.positions {
@@ -147,7 +155,8 @@ fn local_points(mesh: &WeldedMesh) -> (Vec<Vec3>, f32) {
     let extent = (0..3).map(|axis| high[axis].saturating_sub(low[axis])).max().unwrap_or(0).max(1) as f32;
     let centre = [0, 1, 2].map(|axis| (f64::from(low[axis]) + f64::from(high[axis])) / 2.0);
     let local = |p: &[u32; 3]| {
-        Vec3::from([0, 1, 2].map(|axis| ((f64::from(p[axis]) - centre[axis]) / f64::from(extent)) as f32))
+        let c = [0, 1, 2].map(|axis| ((f64::from(p[axis]) - centre[axis]) / f64::from(extent)) as f32);
+        Place::new(Vec3::from(c))
     };
     (mesh.positions.iter().map(local).collect(), extent)
 }
@@ -157,33 +166,37 @@ struct Simplifier<'a> {
     setting: Setting<'a>,
     evaluator: Evaluator,
     queue: BucketQueue,
-    accumulated: Vec<Quadric>,
-    /// Per position, an estimate of how far the surface near it has moved so far.
-    moved: Vec<f32>,
+    drift: Drift,
+    /// Per position, how far the boundaries and creases near it have moved along the surface.
+    slid: Vec<f32>,
+    /// How many positions may yet be looked at in search of what is left beside a piece that has gone.
+    searches: usize,
     error: f32,
     grid_steps: f32,
     order: CollapseOrder,
     wedge_gone: Vec<bool>,
     killed_wedges: Vec<u32>,
+    neighbours: Vec<u32>,
+    wedge_position: &'a [u32],
 }
 
 impl<'a> Simplifier<'a> {
-    fn new(welded: &WeldedMesh, setting: Setting<'a>, grid_steps: f32) -> Self {
-        let mut mesh = CornerMesh::new(welded);
+    fn new(welded: &'a WeldedMesh, setting: Setting<'a>, places: Vec<Place>, grid_steps: f32) -> Self {
+        let mesh = CornerMesh::new(welded);
         let positions = mesh.position_count();
-        let mut evaluator = Evaluator::new(positions);
-        let accumulated = (0..positions as u32)
-            .map(|position| evaluator.initial_quadric(&mut mesh, &setting, position))
-            .collect();
+        let evaluator = Evaluator::new(places);
         Self {
             queue: BucketQueue::new(positions),
-            accumulated,
-            moved: vec![0.0; positions],
+            drift: Drift::default(),
+            slid: vec![0.0; positions],
+            searches: SEARCHES * positions,
             error: 0.0,
             grid_steps,
             order: CollapseOrder::default(),
             wedge_gone: vec![false; welded.wedges.len()],
             killed_wedges: Vec::new(),
+            neighbours: Vec::new(),
+            wedge_position: &welded.wedge_position,
             mesh,
             setting,
             evaluator,
@@ -208,7 +221,7 @@ impl<'a> Simplifier<'a> {
     fn drain(&mut self) {
         while let Some(position) = self.queue.pop() {
             let Ok(best) = self.evaluate(position) else { continue };
-            if self.queue.has_cheaper_than(best.cost) {
+            if self.queue.has_cheaper_than(SLACK * best.cost) {
                 self.queue.set(position, best.cost);
                 continue;
             }
@@ -224,28 +237,26 @@ impl<'a> Simplifier<'a> {
     }
 
     fn evaluate(&mut self, position: u32) -> Result<Candidate, Stall> {
-        self.evaluator.best(&mut self.mesh, &self.setting, &self.accumulated, position)
+        self.evaluator.best(&mut self.mesh, &self.setting, position)
     }
 
+    /// Queues a position at the least that its collapse can cost.
     fn enqueue(&mut self, position: u32) {
-        if self.mesh.valence[position as usize] == 0 {
-            return;
-        }
-        match self.evaluate(position) {
-            Ok(best) => self.queue.set(position, best.cost),
-            Err(_) => self.queue.remove(position),
+        let alive = self.mesh.valence(position) > 0;
+        match alive.then(|| self.evaluator.bound(&mut self.mesh, &self.setting, position)).flatten() {
+            Some(cost) => self.queue.set(position, cost),
+            None => self.queue.remove(position),
         }
     }
 
     /// Collapses a position, whose ring the evaluator has just looked at, onto a neighbour.
     fn collapse(&mut self, position: u32, target: u32, phase: Phase) {
-        let moved = self.evaluator.deviation(&self.setting, position, target) + self.moved[position as usize];
-        self.moved[target as usize] = self.moved[target as usize].max(moved);
-        self.error = self.error.max(moved);
-        let offset = self.setting.points[target as usize] - self.setting.points[position as usize];
-        let quadric = self.accumulated[position as usize].moved_by(offset);
-        self.accumulated[target as usize].add(quadric, 1.0);
-
+        let offset = self.evaluator.ring.point(target) - self.evaluator.ring.origin;
+        let carried = self.drift.carry(&mut self.mesh, &self.evaluator.ring, position, target, offset, self.error);
+        let slid = self.slid[position as usize] + SAGITTA * self.evaluator.ring.slide(offset);
+        self.slid[target as usize] = self.slid[target as usize].max(slid);
+        let carried = carried.max(slid);
+        self.error = Drift::bow(&self.evaluator.ring, target, offset, self.error.max(carried));
         self.evaluator.map_wedges(&self.mesh, &self.setting, target);
         for i in 0..self.evaluator.mapping.len() {
             let (from, to) = self.evaluator.mapping[i];
@@ -253,6 +264,9 @@ impl<'a> Simplifier<'a> {
         }
         self.move_faces(target);
         self.mesh.drop_list(position);
+        if self.mesh.valence(target) == 0 {
+            self.error = self.error.max(self.distance_to_rest(&[position, target]));
+        }
         self.remove_unused_wedges();
         self.close_group(phase);
         self.look_again(target);
@@ -266,18 +280,14 @@ impl<'a> Simplifier<'a> {
     /// Kills the ring's triangles at the target and hands the others over to it.
     fn move_faces(&mut self, target: u32) {
         self.killed_wedges.clear();
-        for i in 0..self.evaluator.faces.len() {
-            let face = self.evaluator.faces[i];
-            if face.touches(target) {
-                self.killed_wedges.extend(self.mesh.kill(face.triangle()));
-                self.order.removed.push(face.triangle());
-            }
+        let Evaluator { ring, mapping, .. } = &self.evaluator;
+        for face in ring.faces.iter().map(|f| f.face).filter(|face| face.touches(target)) {
+            self.killed_wedges.extend(self.mesh.kill(face.triangle()));
+            self.order.removed.push(face.triangle());
         }
-        for i in 0..self.evaluator.faces.len() {
-            let face = self.evaluator.faces[i];
-            let mapped = self.evaluator.mapping.iter().find(|entry| entry.0 == face.wedge);
-            if let (false, Some(&(_, to))) = (face.touches(target), mapped) {
-                self.mesh.repoint(face.corner, to);
+        for face in ring.faces.iter().map(|f| f.face).filter(|face| !face.touches(target)) {
+            if let Some(&(_, to)) = mapping.iter().find(|entry| entry.0 == face.wedge) {
+                self.mesh.repoint(face.corner, to, target);
             }
         }
     }
@@ -285,13 +295,11 @@ impl<'a> Simplifier<'a> {
     /// Wedges that lost their last triangle leave in the same step.
     fn remove_unused_wedges(&mut self) {
         let mut killed = std::mem::take(&mut self.killed_wedges);
+        killed.retain(|&wedge| !self.mesh.is_named(wedge) && !self.wedge_gone[wedge as usize]);
         killed.sort_unstable();
         killed.dedup();
         for &wedge in &killed {
-            if self.mesh.wedge_corners[wedge as usize] > 0 || self.wedge_gone[wedge as usize] {
-                continue;
-            }
-            let position = self.mesh.wedge_position[wedge as usize];
+            let position = self.wedge_position[wedge as usize];
             let sibling = self.mesh.live_wedges(position).next();
             self.remove_wedge(wedge, sibling.map_or(Target::Anywhere, Target::Wedge));
         }
@@ -307,12 +315,15 @@ impl<'a> Simplifier<'a> {
         });
     }
 
-    /// The target has a new ring; neighbours that were stuck may be free now.
+    /// The target has a new ring, and neighbours that were stuck may be free now. A hub waits for its turn, so that a
+    /// look at all of it is not part of every step beside it.
     fn look_again(&mut self, target: u32) {
-        let neighbours: Vec<u32> = self.evaluator.neighbour_positions().collect();
-        self.enqueue(target);
-        for neighbour in neighbours {
-            if neighbour != target && !self.queue.contains(neighbour) {
+        self.neighbours.clear();
+        self.neighbours.extend(self.evaluator.ring.neighbours.iter().map(|n| n.position));
+        for i in 0..self.neighbours.len() {
+            let neighbour = self.neighbours[i];
+            let changed = neighbour == target && self.mesh.valence(neighbour) <= HUB;
+            if changed || !self.queue.contains(neighbour) {
                 self.enqueue(neighbour);
             }
         }
@@ -322,7 +333,7 @@ impl<'a> Simplifier<'a> {
     fn common_stall(&mut self) -> Stall {
         let mut counts = [0usize; 5];
         for position in 0..self.mesh.position_count() as u32 {
-            if self.mesh.valence[position as usize] > 0
+            if self.mesh.valence(position) > 0
                 && let Err(stall) = self.evaluate(position)
             {
                 counts[stall as usize] += 1;
@@ -344,7 +355,6 @@ impl<'a> Simplifier<'a> {
 
     /// Removes all of a connected piece in one step.
     fn vanish(&mut self, piece: &[u32]) {
-        self.error = self.error.max(0.5 * piece_size(&self.setting, piece));
         for &position in piece {
             for wedge in self.mesh.wedges_of(position) {
                 if !self.wedge_gone[wedge as usize] {
@@ -357,14 +367,45 @@ impl<'a> Simplifier<'a> {
                 self.order.removed.push(triangle);
             }
         }
+        self.error = self.error.max(self.distance_to_rest(&piece[..piece.len().min(LARGEST_PIECE)]));
         self.close_group(Phase::Vanish);
+    }
+
+    /// How far positions that have just gone, with all that they were connected to, are from what is left: from the
+    /// triangles around the next positions in Morton order on both sides. At least half their own size where there is
+    /// none within reach, which keeps all searches together linear.
+    fn distance_to_rest(&mut self, gone: &[u32]) -> f32 {
+        let near = [self.next_left(gone[0], -1), self.next_left(gone[0], 1)];
+        let triangles = near.into_iter().flatten().flat_map(|position| {
+            let apex = self.evaluator.ring.point(position);
+            self.mesh.faces(position).take(LARGEST_PIECE).map(move |face| (apex, face.positions))
+        });
+        let triangles: Vec<[Vec3; 3]> = triangles
+            .map(|(apex, [a, b])| [apex, self.evaluator.ring.point(a), self.evaluator.ring.point(b)])
+            .collect();
+        let from = |point: Vec3| triangles.iter().map(move |&t| squared_distance(point, t)).min_by(f32::total_cmp);
+        let farthest = gone.iter().filter_map(|&position| from(self.evaluator.ring.point(position))).max_by(f32::total_cmp);
+        farthest.map_or(0.5 * self.evaluator.piece_size(gone), f32::sqrt)
+    }
+
+    /// The next position in the order of the mesh, up or down, that has a triangle left.
+    fn next_left(&mut self, from: u32, step: i32) -> Option<u32> {
+        let mut position = from;
+        while self.searches > 0 {
+            self.searches -= 1;
+            position = position.checked_add_signed(step).filter(|&p| (p as usize) < self.mesh.position_count())?;
+            if self.mesh.valence(position) > 0 {
+                return Some(position);
+            }
+        }
+        None
     }
 
     fn pieces(&self) -> Vec<Piece> {
         let mut seen = vec![false; self.mesh.position_count()];
         let mut pieces = Vec::new();
         for start in 0..self.mesh.position_count() as u32 {
-            if self.mesh.valence[start as usize] > 0 && !seen[start as usize] {
+            if self.mesh.valence(start) > 0 && !seen[start as usize] {
                 pieces.push(self.piece_around(start, &mut seen));
             }
         }
@@ -386,7 +427,7 @@ impl<'a> Simplifier<'a> {
             at += 1;
         }
         let locked = positions.iter().any(|&p| self.setting.locked[p as usize]);
-        Piece { size: piece_size(&self.setting, &positions), locked, positions }
+        Piece { size: self.evaluator.piece_size(&positions), locked, positions }
     }
 }
 

@@ -1,77 +1,46 @@
 //! A priority queue of positions by cost: buckets of about 3 % width, first in first out within a bucket.
 //!
 //! Every operation is O(1) but finding the next bucket, which looks at one bit a bucket: 128 words at most. A position
-//! is in at most one bucket; a new cost moves it. First in first out spreads equal costs over the surface.
+//! counts in one bucket only; where a new cost has moved it, its old entry is dropped when it comes up, so that moving
+//! touches no memory but the ends of two buckets. First in first out spreads equal costs over the surface.
+
+use std::collections::VecDeque;
 
 const MANTISSA_BITS: u32 = 5;
 const SHIFT: u32 = 23 - MANTISSA_BITS;
 const BUCKETS: usize = 1 << (8 + MANTISSA_BITS);
-const NONE: u32 = u32::MAX;
+const ABSENT: u16 = u16::MAX;
 
 /// The queue; costs are non-negative floats.
 pub(super) struct BucketQueue {
-    head: Vec<u32>,
-    tail: Vec<u32>,
+    buckets: Vec<VecDeque<u32>>,
     occupied: Vec<u64>,
-    next: Vec<u32>,
-    previous: Vec<u32>,
     bucket_of: Vec<u16>,
 }
-
-const ABSENT: u16 = u16::MAX;
 
 impl BucketQueue {
     /// An empty queue for positions `0..count`.
     pub fn new(count: usize) -> Self {
         Self {
-            head: vec![NONE; BUCKETS],
-            tail: vec![NONE; BUCKETS],
+            buckets: vec![VecDeque::new(); BUCKETS],
             occupied: vec![0; BUCKETS / 64],
-            next: vec![NONE; count],
-            previous: vec![NONE; count],
             bucket_of: vec![ABSENT; count],
         }
     }
 
     /// Inserts a position, or moves it to its new cost.
     pub fn set(&mut self, position: u32, cost: f32) {
-        self.remove(position);
         let bucket = bucket_of(cost);
-        let tail = self.tail[bucket];
-        self.previous[position as usize] = tail;
-        self.next[position as usize] = NONE;
-        if tail == NONE {
-            self.head[bucket] = position;
-            self.occupied[bucket / 64] |= 1 << (bucket % 64);
-        } else {
-            self.next[tail as usize] = position;
+        if std::mem::replace(&mut self.bucket_of[position as usize], bucket as u16) == bucket as u16 {
+            return;
         }
-        self.tail[bucket] = position;
-        self.bucket_of[position as usize] = bucket as u16;
+        self.buckets[bucket].push_back(position);
+        self.occupied[bucket / 64] |= 1 << (bucket % 64);
     }
 
     /// Takes a position out, if it is in.
     pub fn remove(&mut self, position: u32) {
-        let bucket = self.bucket_of[position as usize];
-        if bucket == ABSENT {
-            return;
-        }
         self.bucket_of[position as usize] = ABSENT;
-        let bucket = bucket as usize;
-        let (previous, next) = (self.previous[position as usize], self.next[position as usize]);
-        if previous == NONE {
-            self.head[bucket] = next;
-        } else {
-            self.next[previous as usize] = next;
-        }
-        if next == NONE {
-            self.tail[bucket] = previous;
-        } else {
-            self.previous[next as usize] = previous;
-        }
-        if self.head[bucket] == NONE {
-            self.occupied[bucket / 64] &= !(1 << (bucket % 64));
-        }
     }
 
     /// Whether a position is in.
@@ -81,14 +50,20 @@ impl BucketQueue {
 
     /// Takes out the position that has waited longest in the cheapest bucket.
     pub fn pop(&mut self) -> Option<u32> {
-        let word = self.occupied.iter().position(|&bits| bits != 0)?;
-        let bucket = word * 64 + self.occupied[word].trailing_zeros() as usize;
-        let position = self.head[bucket];
-        self.remove(position);
-        Some(position)
+        loop {
+            let word = self.occupied.iter().position(|&bits| bits != 0)?;
+            let bucket = word * 64 + self.occupied[word].trailing_zeros() as usize;
+            while let Some(position) = self.buckets[bucket].pop_front() {
+                if self.bucket_of[position as usize] as usize == bucket {
+                    self.remove(position);
+                    return Some(position);
+                }
+            }
+            self.occupied[word] &= !(1 << (bucket % 64));
+        }
     }
 
-    /// Whether a position of the given cost would be popped after one that is in now.
+    /// Whether a position of the given cost may be popped after one that is in now.
     pub fn has_cheaper_than(&self, cost: f32) -> bool {
         let bucket = bucket_of(cost);
         let (word, bit) = (bucket / 64, bucket % 64);

@@ -128,15 +128,13 @@ fn welded(mesh: &SourceMesh) -> Option<(Grid, WeldedMesh)> {
 }
 
 fn order(welded: WeldedMesh, grid: Grid) -> usize {
-    let none = Default::default();
     let joining = Joining {
         grid,
         boundary: Boundary::Slide,
-        locked: &none,
-        shared: &none,
+        locked: &Default::default(),
         max_vertices: MAX_PART_VERTICES,
     };
-    order_cells(vec![cells::cut(welded)], joining, &()).len()
+    order_cells(cells::cut(welded), joining, &()).len()
 }
 
 fn seconds_to_simplify(welded: &WeldedMesh) -> f64 {

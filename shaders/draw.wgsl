@@ -26,6 +26,7 @@ struct InstanceRow {
 // Bit of InstanceRow.colour: the vertices carry colours.
 const COLOURED: u32 = 1u << 24u;
 // Bit of InstanceRow.colour: the vertices carry slots; the low 24 bits are the number of the row with slot 0's colour.
+// Its vertices have normals of 2 x 12 bits and slots of 8.
 const SLOTTED: u32 = 1u << 25u;
 
 @group(1) @binding(0) var<storage, read> instances: array<InstanceRow>;
@@ -49,6 +50,11 @@ fn colour_from_8888(word: u32) -> vec3<f32> {
 fn colour_from_565(word: u32) -> vec3<f32> {
     let parts = vec3<f32>(vec3<u32>(word >> 27u, (word >> 21u) & 63u, (word >> 16u) & 31u));
     return linear_from_srgb(parts / vec3<f32>(31.0, 63.0, 31.0));
+}
+
+fn unpack2x12snorm(word: u32) -> vec2<f32> {
+    let bits = vec2<i32>(extractBits(bitcast<i32>(word), 0u, 12u), extractBits(bitcast<i32>(word), 12u, 12u));
+    return max(vec2<f32>(bits) / 2047.0, vec2<f32>(-1.0));
 }
 
 // Normals transform by the cofactors of the linear part, which exist where an inverse does not. Columns are scaled
@@ -80,7 +86,10 @@ fn draw_vertex(@location(0) active_vertex: vec4<u32>) -> Corner {
     let coloured = (row.colour & COLOURED) != 0u;
     let attributes = active_vertex.z;
     let slotted = (row.colour & SLOTTED) != 0u;
-    let folded = select(unpack2x16snorm(attributes), unpack4x8snorm(attributes).xy, coloured || slotted);
+    var folded = select(unpack2x16snorm(attributes), unpack4x8snorm(attributes).xy, coloured);
+    if slotted {
+        folded = unpack2x12snorm(attributes);
+    }
 
     var corner: Corner;
     corner.relative = offset + origin;
@@ -89,7 +98,7 @@ fn draw_vertex(@location(0) active_vertex: vec4<u32>) -> Corner {
     if frame.mode == MODE_INSTANCE {
         corner.colour = debug_colour(instance);
     } else if slotted {
-        let slot = (row.colour & 0xFFFFFFu) + (attributes >> 16u);
+        let slot = (row.colour & 0xFFFFFFu) + (attributes >> 24u);
         corner.colour = colour_from_8888(instances[min(slot, arrayLength(&instances) - 1u)].colour);
     } else if coloured {
         corner.colour = colour_from_565(attributes);

@@ -8,12 +8,12 @@ use glam::{DAffine3, DVec3};
 use rustc_hash::FxHashMap;
 use serde_json::json;
 
-use crate::container::{Container, ContainerError, PartRow};
+use crate::container::{Container, ContainerError, InstanceRow, PartRow};
 use crate::geometry::OrderedPart;
 use crate::geometry::cell_tree::{drawn_cells, sums_below};
 use crate::geometry::part::sampled_count;
-use crate::geometry::quantize::decode_coloured;
-use crate::geometry::record::{CellPlace, decode_error};
+use crate::geometry::quantize::{decode_coloured, decode_slotted};
+use crate::geometry::record::{Attributes, CellPlace, decode_error};
 
 /// Why nothing could be exported.
 #[derive(Debug, thiserror::Error)]
@@ -63,7 +63,7 @@ pub struct Piece {
     /// Vertex indices.
     pub triangles: Vec<[u16; 3]>,
     /// Material slots, one a vertex, until colours stand for them; empty for a part that has none.
-    slots: Vec<u16>,
+    slots: Vec<u8>,
 }
 
 /// Takes every part (or those of one name) at a level; only a selection by name leaves the placements out.
@@ -99,12 +99,12 @@ impl Mesh {
     fn colour_slots(&mut self, container: &Container<'_>, piece_of: &[Option<usize>], once: bool) {
         let mut coloured: FxHashMap<(usize, Vec<[u8; 4]>), usize> = FxHashMap::default();
         let mut placed = vec![false; self.pieces.len()];
-        for (number, instance) in container.instances().iter().enumerate() {
+        for instance in container.instances() {
             let Some(piece) = piece_of[instance.part as usize] else { continue };
             if once && std::mem::replace(&mut placed[piece], true) {
                 continue;
             }
-            let colours = self.pieces[piece].slot_colours(container, number);
+            let colours = self.pieces[piece].slot_colours(container, instance);
             let piece = match colours.is_empty() {
                 true => piece,
                 false => *coloured.entry((piece, colours)).or_insert_with_key(|(piece, colours)| {
@@ -136,18 +136,16 @@ impl Mesh {
 }
 
 impl Piece {
-    /// The colours of the slots of a piece that is placed as instance `number`; empty for a piece without slots.
-    fn slot_colours(&self, container: &Container<'_>, number: usize) -> Vec<[u8; 4]> {
-        let slots = self.slots.iter().max().map_or(0, |&slot| usize::from(slot) + 1);
-        let colour = |slot: usize| {
-            let leaf = container.instances().get(number + slot);
-            leaf.map_or(GREY, |leaf| container.materials()[leaf.material as usize].base_colour)
-        };
-        (0..slots).map(colour).collect()
+    /// The colours of the slots of a piece for an instance; empty for a piece without slots.
+    fn slot_colours(&self, container: &Container<'_>, instance: &InstanceRow) -> Vec<[u8; 4]> {
+        let slots = if self.slots.is_empty() { 0 } else { container.parts()[instance.part as usize].slots };
+        let materials = container.materials()[instance.material as usize..].iter();
+        materials.take(slots as usize).map(|material| material.base_colour).collect()
     }
 
     fn with_slot_colours(&self, colours: &[[u8; 4]]) -> Self {
-        let colours = self.slots.iter().map(|&slot| colours[usize::from(slot)]).collect();
+        let colour = |&slot: &u8| colours.get(usize::from(slot)).copied().unwrap_or(GREY);
+        let colours = self.slots.iter().map(colour).collect();
         Self { colours, slots: Vec::new(), ..self.clone() }
     }
 }
@@ -243,15 +241,16 @@ fn piece(part: &OrderedPart, name: &str, vn: u32) -> Piece {
     Piece {
         name: name.to_owned(),
         positions: vertices.iter().map(|vertex| part.grid.position(vertex.grid())).collect(),
-        normals: vertices.iter().map(|vertex| vertex.normal(part.coloured)).collect(),
-        slots: match part.slotted {
-            true => vertices.iter().map(|vertex| (vertex.attributes() >> 16) as u16).collect(),
-            false => Vec::new(),
+        normals: vertices.iter().map(|vertex| vertex.normal(part.attributes)).collect(),
+        colours: match part.attributes {
+            Attributes::Colour => {
+                vertices.iter().map(|vertex| decode_coloured(vertex.attributes()).1).collect()
+            }
+            _ => Vec::new(),
         },
-        colours: if part.coloured && !part.slotted {
-            vertices.iter().map(|vertex| decode_coloured(vertex.attributes()).1).collect()
-        } else {
-            Vec::new()
+        slots: match part.attributes {
+            Attributes::Slot => vertices.iter().map(|vertex| decode_slotted(vertex.attributes()).1).collect(),
+            _ => Vec::new(),
         },
         triangles: part.reformed(vn),
     }

@@ -430,11 +430,13 @@ impl Renderer {
         let mut rows: Vec<InstanceRow> = instances.iter().map(|&number| self.instance_row(number)).collect();
         for (i, &number) in instances.iter().enumerate() {
             let instance = &self.scene.instances()[number as usize];
-            if !self.scene.parts()[instance.part as usize].is_slotted() || rows.len() >= 1 << 24 {
-                continue;
+            let colours = self.scene.slot_colours(instance);
+            // The number of a row has 24 bits; a batch of more rows than that shows the first material only.
+            if !colours.is_empty() && rows.len() < 1 << 24 {
+                let (row, first) = (rows[i], rows.len() as u32);
+                rows.extend(colours.iter().map(|&colour| row.with_colour(colour)));
+                rows[i].colour = InstanceRow::SLOTTED | first;
             }
-            rows[i].colour = InstanceRow::SLOTTED | rows.len() as u32;
-            rows.extend((number..self.scene.placement_end(number)).map(|cell| self.instance_row(cell)));
         }
         rows
     }
@@ -442,8 +444,7 @@ impl Renderer {
     fn instance_row(&self, number: u32) -> InstanceRow {
         let instance = &self.scene.instances()[number as usize];
         let part = &self.scene.parts()[instance.part as usize];
-        let coloured = part.is_coloured() && !part.is_slotted();
-        InstanceRow::new(instance.transform(), part.grid(), self.scene.colour(instance), coloured)
+        InstanceRow::new(instance.transform(), part.grid(), self.scene.colour(instance), part.attributes())
     }
 }
 

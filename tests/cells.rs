@@ -12,10 +12,11 @@ mod common;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use collapsar::bake::merged;
 use collapsar::geometry::body::{OrderOptions, order_body};
 use collapsar::geometry::cell_tree::{Joining, drawn_cells, order_cells, sums_below};
 use collapsar::geometry::cells::cut_to;
-use collapsar::geometry::record::CellPlace;
+use collapsar::geometry::record::{Attributes, CellPlace};
 use collapsar::geometry::weld::{WeldedMesh, grid_of, weld};
 use collapsar::geometry::{Boundary, OrderedPart};
 use collapsar::import::SourceMesh;
@@ -108,11 +109,9 @@ fn cut_into(mesh: &SourceMesh, max_vertices: usize, max_parent: usize) -> (Vec<O
     let grid = grid_of(mesh).unwrap();
     let welded = weld(mesh, grid);
     let cells = cut_to(welded.clone(), max_vertices, 1 << 20);
-    let none = Default::default();
     let joining =
-        Joining { grid, boundary: Boundary::Slide, locked: &none, shared: &none, max_vertices: max_parent };
-    let cells = order_cells(vec![cells], joining, &()).into_iter().map(|(part, _)| part).collect();
-    (cells, welded)
+        Joining { grid, boundary: Boundary::Slide, locked: &Default::default(), max_vertices: max_parent };
+    (order_cells(cells, joining, &()), welded)
 }
 
 fn depth(cells: &[OrderedPart]) -> usize {
@@ -169,42 +168,45 @@ fn two_materials() -> Vec<SourceMesh> {
 fn meshes_of_one_body_stay_closed_between_each_other() {
     let whole = common::sphere(48, 48);
     let input = weld(&whole, grid_of(&whole).unwrap());
-    let joined = OrderOptions { joined: true, ..OrderOptions::default() };
-    let outcome = order_body(two_materials(), joined, &());
-    assert_eq!((&outcome.mesh_of[..], outcome.joined), (&[0, 1, 0][..], true));
-    assert!(outcome.welds.iter().all(|weld| weld.shared > 500));
-    mixes_meet(&outcome.cells, &input);
-    // Apart, the borders stay for ever; below the common parent they do not.
-    let apart = order_body(two_materials(), OrderOptions { joined: false, ..joined }, &());
-    assert_eq!((&apart.mesh_of[..], apart.joined), (&[0, 1][..], false));
-    mixes_meet(&apart.cells, &input);
     let coarsest = |cells: &[OrderedPart]| cells.iter().map(OrderedPart::coarsest_triangles).sum::<u32>();
+    // Apart, both keep what they share.
+    let apart = order_body(two_materials(), OrderOptions::default(), &());
+    assert_eq!(apart.mesh_of, [0, 1]);
+    assert!(apart.welds.iter().all(|weld| weld.shared > 500));
+    mixes_meet(&apart.cells, &input);
     assert!(coarsest(&apart.cells) > 1000, "{}", coarsest(&apart.cells));
-    assert!(coarsest(&outcome.cells[..1]) <= 8, "{}", coarsest(&outcome.cells[..1]));
+    // As one mesh with slots, nothing is shared.
+    let one = order_body(vec![merged(two_materials())], OrderOptions::default(), &());
+    assert_eq!((one.cells.len(), one.welds[0].shared), (1, 0));
+    mixes_meet(&one.cells, &input);
+    assert!(coarsest(&one.cells) <= 8, "{}", coarsest(&one.cells));
 }
 
 #[test]
-fn slots_lead_to_the_mesh_of_every_triangle() {
-    let joined = OrderOptions { joined: true, ..OrderOptions::default() };
-    let outcome = order_body(two_materials(), joined, &());
-    let parent = &outcome.cells[0];
-    assert!(parent.slotted && parent.coloured && parent.place.leaf_cells == 2);
-    let slot = |vertex: u16| (parent.vertices[usize::from(vertex)].attributes() >> 16) as usize;
-    let mut of_slot = [0; 3];
-    for triangle in parent.reformed(parent.vertices.len() as u32) {
-        assert!(triangle.iter().all(|&vertex| slot(vertex) == slot(triangle[0])));
-        of_slot[slot(triangle[0])] += 1;
-    }
-    let kept = |mesh: usize| {
-        outcome.cells[1..]
-            .iter()
-            .zip(&outcome.mesh_of[1..])
-            .find(|(_, m)| **m == mesh)
-            .unwrap()
-            .0
-            .coarsest_triangles()
+fn materials_keep_to_their_triangles_while_the_guards_hold() {
+    let one = order_body(vec![merged(two_materials())], OrderOptions::default(), &());
+    let part = &one.cells[0];
+    assert_eq!(part.attributes, Attributes::Slot);
+    let slot = |vertex: u16| Attributes::Slot.tag(part.vertices[usize::from(vertex)].attributes());
+    let of_slots = |ratio: f64| {
+        let vn = part.triangles_at.state_at_most((part.vertices.len() as f64 * ratio) as usize) as u32;
+        let mut areas = [0.0; 2];
+        for triangle in part.reformed(vn) {
+            assert!(
+                triangle.iter().all(|&vertex| slot(vertex) == slot(triangle[0])),
+                "a triangle of two materials"
+            );
+            let [a, b, c] =
+                triangle.map(|v| glam::DVec3::from(part.grid.position(part.vertices[usize::from(v)].grid())));
+            areas[slot(triangle[0]) as usize] += (b - a).cross(c - a).length();
+        }
+        areas[1] / (areas[0] + areas[1])
     };
-    assert_eq!(of_slot, [0, kept(outcome.mesh_of[1]), kept(outcome.mesh_of[2])]);
+    let whole = of_slots(1.0);
+    assert!((0.2..0.5).contains(&whole));
+    for ratio in [0.5, 0.3] {
+        assert!((of_slots(ratio) - whole).abs() < 0.02, "{} of {whole} at {ratio}", of_slots(ratio));
+    }
 }
 
 /// A surface of more than 65,536 vertices, baked from a file: two leaf cells or more, and one root.

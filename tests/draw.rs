@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may end where its set-up fails")]
 
+use collapsar::geometry::record::Attributes;
 use collapsar::geometry::{Grid, VertexRecord, quantize};
 use collapsar::gpu::target::{Target, TargetError};
 use collapsar::gpu::testing::{self, TestDevice};
@@ -67,7 +68,10 @@ fn two_cubes(shift: DVec3) -> Scene {
     let eye = shift + DVec3::new(1.25, 2.5, 6.5);
     Scene {
         vertices: [cube_vertices(0, None), cube_vertices(1, None)].concat(),
-        rows: vec![InstanceRow::new(red, GRID, RED, false), InstanceRow::new(blue, GRID, BLUE, false)],
+        rows: vec![
+            InstanceRow::new(red, GRID, RED, Attributes::Normal),
+            InstanceRow::new(blue, GRID, BLUE, Attributes::Normal),
+        ],
         camera: Camera::look_at(eye, shift, DVec3::Y, 0.8, 0.01),
     }
 }
@@ -154,7 +158,7 @@ fn a_mirrored_cube_is_lit_as_the_plain_one() {
     let Some(gpu) = testing::device("draw: mirrored") else { return };
     let scene = |placed| Scene {
         vertices: cube_vertices(0, None),
-        rows: vec![InstanceRow::new(placed, GRID, RED, false)],
+        rows: vec![InstanceRow::new(placed, GRID, RED, Attributes::Normal)],
         ..two_cubes(DVec3::ZERO)
     };
     let plain = pixels(&gpu, &scene(DAffine3::IDENTITY), 1);
@@ -169,13 +173,36 @@ fn coloured_vertices_show_their_own_colour() {
     let Some(gpu) = testing::device("draw: coloured vertices") else { return };
     let scene = Scene {
         vertices: cube_vertices(0, Some([0, 200, 0, 255])),
-        rows: vec![InstanceRow::new(DAffine3::IDENTITY, GRID, RED, true)],
+        rows: vec![InstanceRow::new(DAffine3::IDENTITY, GRID, RED, Attributes::Colour)],
         ..two_cubes(DVec3::ZERO)
     };
     let rgba = pixels(&gpu, &scene, 1);
     let (x, y) = project(&scene, DVec3::new(0.0, 0.0, 1.0));
     let [red, green, blue, _] = pixel(&rgba, x, y);
     assert!(green > 100 && red < 80 && blue < 80, "{red} {green} {blue}");
+}
+
+#[test]
+fn slots_show_the_colours_of_the_rows_that_their_row_names() {
+    let Some(gpu) = testing::device("draw: slots") else { return };
+    let row = InstanceRow::new(DAffine3::IDENTITY, GRID, RED, Attributes::Slot);
+    let slotted = InstanceRow { colour: InstanceRow::SLOTTED | 1, ..row };
+    let vertices = cube_vertices(0, None).into_iter().map(|[a, b, c, instance]| {
+        let normal = quantize::decode_normal(c);
+        [a, b, quantize::encode_slotted(normal, 1), instance]
+    });
+    let scene = Scene {
+        vertices: vertices.collect(),
+        rows: vec![slotted, row.with_colour(BLUE), row.with_colour([0, 200, 0, 255])],
+        ..two_cubes(DVec3::ZERO)
+    };
+    let slots = pixels(&gpu, &scene, 1);
+    let plain = Scene {
+        vertices: cube_vertices(0, None),
+        rows: vec![InstanceRow::new(DAffine3::IDENTITY, GRID, [0, 200, 0, 255], Attributes::Normal)],
+        ..two_cubes(DVec3::ZERO)
+    };
+    assert_eq!(slots, pixels(&gpu, &plain, 1));
 }
 
 #[test]
@@ -192,7 +219,7 @@ fn flat_and_empty_instances_harm_nothing() {
         scaled(DVec3::NAN),
     ] {
         let scene = Scene {
-            rows: vec![base.rows[0], InstanceRow::new(placed, GRID, BLUE, false)],
+            rows: vec![base.rows[0], InstanceRow::new(placed, GRID, BLUE, Attributes::Normal)],
             ..two_cubes(DVec3::ZERO)
         };
         let rgba = pixels(&gpu, &scene, 1);

@@ -124,7 +124,7 @@ fn all_ways_draw_the_same_engine() {
 #[test]
 fn all_ways_draw_the_same_part_in_cells() {
     let Some(gpu) = gpu("all_ways_draw_the_same_part_in_cells") else { return };
-    let scene = common::baked_meshes(&[common::height_field(280), common::height_field(40)]);
+    let scene = common::baked_meshes(&[common::height_field(280), common::height_field(200)]);
     assert!(scene.has_parents());
     // Around the step from the parent to its children.
     let paths = ["orbit", "through"];

@@ -1,10 +1,14 @@
-//! A model's meshes and placements in, its bodies out: meshes that were one in the file, and where all of them are
-//! placed together.
+//! A model's meshes and placements in, its bodies out: meshes that were one in the file and are one again.
+//!
+//! An importer makes a mesh for each material. Ordered apart, such meshes would have to keep every vertex of the borders
+//! between them. So the meshes of a body that are placed together always become one mesh, whose vertices carry a slot
+//! for their material; the materials of a placement follow each other in the table.
 
 use glam::DAffine3;
 use rustc_hash::FxHashMap;
 
-use crate::import::{Instance, Model, SourceMesh};
+use crate::geometry::record::MAX_SLOTS;
+use crate::import::{Instance, Material, Model, SourceMesh};
 
 /// The meshes of the model that were one mesh of the file.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,6 +77,12 @@ fn together(instances: &[Instance], meshes: &[usize], placed: &[Vec<usize>]) -> 
 }
 
 impl Body {
+    /// Whether its meshes become one: they are placed together, slots number them, and vertices have room for a slot.
+    pub fn is_merged(&self, model: &Model) -> bool {
+        let plain = |&mesh: &usize| model.meshes[mesh].colours.is_empty();
+        self.placements.is_some() && self.meshes.len() <= MAX_SLOTS && self.meshes.iter().all(plain)
+    }
+
     /// Takes its meshes out of a model, which keeps their names.
     pub fn take(&self, model: &mut Model) -> Vec<SourceMesh> {
         let take = |&number: &usize| {
@@ -81,6 +91,45 @@ impl Body {
             std::mem::replace(mesh, SourceMesh { name, ..SourceMesh::default() })
         };
         self.meshes.iter().map(take).collect()
+    }
+}
+
+/// One mesh of several that have normals, under the name of the first; one alone stays as it is.
+pub fn merged(meshes: Vec<SourceMesh>) -> SourceMesh {
+    let several = meshes.len() > 1;
+    let mut meshes = meshes.into_iter();
+    let mut one = meshes.next().unwrap_or_default();
+    if several {
+        one.slots = vec![0; one.positions.len()];
+    }
+    for (mesh, slot) in meshes.zip(1..=u8::MAX) {
+        let base = one.positions.len() as u32;
+        one.positions.extend(mesh.positions);
+        one.normals.extend(mesh.normals);
+        one.slots.resize(one.positions.len(), slot);
+        one.triangles.extend(mesh.triangles.into_iter().map(|t| t.map(|vertex| base + vertex)));
+    }
+    one
+}
+
+/// The table of materials, in which those of a placement follow each other.
+#[derive(Debug, Default)]
+pub struct MaterialRuns {
+    known: FxHashMap<Vec<u32>, u32>,
+}
+
+impl MaterialRuns {
+    /// The first of a run of these materials; copies of them are appended where the table has no such run.
+    pub fn first_of(&mut self, run: &[u32], materials: &mut Vec<Material>) -> u32 {
+        if run.windows(2).all(|pair| pair[1] == pair[0] + 1) {
+            return run.first().copied().unwrap_or(0);
+        }
+        *self.known.entry(run.to_vec()).or_insert_with(|| {
+            let first = materials.len() as u32;
+            let copies: Vec<Material> = run.iter().map(|&m| materials[m as usize].clone()).collect();
+            materials.extend(copies);
+            first
+        })
     }
 }
 
@@ -111,6 +160,30 @@ mod tests {
         assert_eq!(seen, [(0, 5, &[1, 2][..]), (3, 7, &[5, 4])]);
         // The same mesh twice at one place is no body of two.
         assert_eq!((&found[1].meshes[..], &found[1].placements), (&[1][..], &None));
+    }
+
+    #[test]
+    fn runs_of_materials_are_copied_only_where_there_are_none() {
+        let named = |name: &str| Material { name: name.into(), ..Material::default() };
+        let mut materials = vec![named("a"), named("b"), named("c")];
+        let mut runs = MaterialRuns::default();
+        let firsts = [&[1, 2][..], &[2], &[2, 0], &[0, 1, 2], &[2, 0], &[1, 1]]
+            .map(|run| runs.first_of(run, &mut materials));
+        assert_eq!(firsts, [1, 2, 3, 0, 3, 5]);
+        let names: Vec<_> = materials.iter().map(|material| &material.name[..]).collect();
+        assert_eq!(names, ["a", "b", "c", "c", "a", "b", "b"]);
+    }
+
+    #[test]
+    fn merged_meshes_carry_slots() {
+        let mesh = |x: f32| SourceMesh {
+            positions: vec![[x; 3]; 2],
+            triangles: vec![[0, 1, 1]],
+            ..SourceMesh::default()
+        };
+        assert!(merged(vec![mesh(1.0)]).slots.is_empty());
+        let one = merged(vec![mesh(1.0), mesh(2.0)]);
+        assert_eq!((&one.slots[..], &one.triangles[..]), (&[0, 0, 1, 1][..], &[[0, 1, 1], [2, 3, 3]][..]));
     }
 
     #[test]

@@ -6,10 +6,12 @@
 mod bodies;
 mod report;
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
+use glam::DAffine3;
 use rayon::prelude::*;
 
 use crate::container::{self, ContainerError, Contents, StoredInstance, StoredPart};
@@ -18,7 +20,7 @@ use crate::geometry::cell_tree::Watch;
 use crate::geometry::normals::{CREASE_DEGREES, by_crease_angle};
 use crate::import::{self, ImportError, Instance, Model, SourceMesh};
 
-pub use bodies::{Body, Placement, bodies};
+pub use bodies::{Body, MaterialRuns, Placement, bodies, merged};
 pub use report::{BakeReport, StalledPart};
 
 /// Why a bake ended without a container.
@@ -108,14 +110,11 @@ pub fn bake(
 ) -> Result<BakeReport, BakeError> {
     let started = Instant::now();
     container::check_destination(output)?;
-    let mut model = import::read(inputs)?;
+    let model = import::read(inputs)?;
     let import_seconds = started.elapsed().as_secs_f64();
     progress.check()?;
-    let bodies = bodies(&model);
-    let outcomes = order_all(&mut model, &bodies, options, progress)?;
+    let (contents, mut report) = ordered(model, options, progress)?;
     let order_seconds = started.elapsed().as_secs_f64() - import_seconds;
-    let mut report = BakeReport::new(&model.notes, outcomes.iter().flat_map(|outcome| &outcome.welds));
-    let contents = assemble(model, bodies, outcomes);
     if contents.parts.is_empty() {
         let path = inputs.first().cloned().unwrap_or_default();
         return Err(BakeError::NothingLeft { triangles: report.source_triangles as usize, path });
@@ -128,6 +127,21 @@ pub fn bake(
     Ok(report)
 }
 
+/// Orders all of a model: what a container of it holds, and what the report says of reading and welding.
+///
+/// # Errors
+/// Threads that could not be started, or an interruption.
+pub fn ordered(
+    mut model: Model,
+    options: &BakeOptions,
+    progress: &BakeProgress,
+) -> Result<(Contents, BakeReport), BakeError> {
+    let bodies = bodies(&model);
+    let outcomes = order_all(&mut model, &bodies, options, progress)?;
+    let report = BakeReport::new(&model.notes, outcomes.iter().flat_map(|outcome| &outcome.welds));
+    Ok((assemble(model, bodies, outcomes), report))
+}
+
 /// Orders all bodies, the largest first. The model keeps the meshes' names only, so that memory is given back as they
 /// are done.
 fn order_all(
@@ -136,6 +150,7 @@ fn order_all(
     options: &BakeOptions,
     progress: &BakeProgress,
 ) -> Result<Vec<BodyOutcome>, BakeError> {
+    let merge: Vec<bool> = bodies.iter().map(|body| body.is_merged(model)).collect();
     let mut largest_first: Vec<(usize, Vec<SourceMesh>)> =
         bodies.iter().map(|body| body.take(model)).enumerate().collect();
     let triangles = |meshes: &[SourceMesh]| meshes.iter().map(|mesh| mesh.triangles.len()).sum::<usize>();
@@ -146,8 +161,7 @@ fn order_all(
     let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build();
     let pool = pool.map_err(|source| BakeError::Threads { threads: options.threads, source })?;
     let order = |(number, meshes): (usize, Vec<SourceMesh>)| {
-        let joined = bodies[number].placements.is_some();
-        Ok((number, order_one(meshes, joined, options, progress)?))
+        Ok((number, order_one(meshes, merge[number], options, progress)?))
     };
     let ordered: Result<Vec<(usize, BodyOutcome)>, BakeError> =
         pool.install(|| largest_first.into_par_iter().with_max_len(1).map(order).collect());
@@ -160,7 +174,7 @@ fn order_all(
 
 fn order_one(
     mut meshes: Vec<SourceMesh>,
-    joined: bool,
+    merge: bool,
     options: &BakeOptions,
     progress: &BakeProgress,
 ) -> Result<BodyOutcome, BakeError> {
@@ -168,64 +182,63 @@ fn order_one(
     for mesh in meshes.iter_mut().filter(|mesh| mesh.normals.is_empty()) {
         by_crease_angle(mesh, options.crease_degrees);
     }
-    let outcome = order_body(meshes, OrderOptions { joined, ..options.order }, progress);
+    let meshes = if merge { vec![merged(meshes)] } else { meshes };
+    let outcome = order_body(meshes, options.order, progress);
     // What was stopped lacks cells.
     progress.check()?;
     Ok(outcome)
 }
 
-/// Numbers the parts (every cell of a body is one) and places them, in the order of the model's instances.
-fn assemble(model: Model, bodies: Vec<Body>, outcomes: Vec<BodyOutcome>) -> Contents {
-    let mut contents = Contents::default();
+/// Numbers the parts (every cell of a mesh is one) and places them, in the order of the model's instances.
+fn assemble(mut model: Model, bodies: Vec<Body>, outcomes: Vec<BodyOutcome>) -> Contents {
+    let mut parts = Vec::new();
     let mut placed: Vec<(usize, Vec<StoredInstance>)> = Vec::new();
     let mut sources = 0..;
-    for (body, mut outcome) in bodies.into_iter().zip(outcomes) {
-        let placements = body.placements.filter(|_| outcome.joined);
-        while !outcome.cells.is_empty() {
-            let mesh = outcome.mesh_of[0];
-            let of_source = |&&other: &&usize| placements.is_some() || other == mesh;
-            let cells = outcome.mesh_of.iter().take_while(of_source).count();
-            let first = contents.parts.len() as u32;
+    let mut runs = MaterialRuns::default();
+    for (body, BodyOutcome { cells, mesh_of, .. }) in bodies.into_iter().zip(outcomes) {
+        let mut mesh_of = mesh_of.as_slice();
+        let mut cells = cells.into_iter();
+        let merged = body.is_merged(&model);
+        while let Some(&mesh) = mesh_of.first() {
+            let count = mesh_of.iter().take_while(|&&other| other == mesh).count();
+            mesh_of = &mesh_of[count..];
+            let first = parts.len() as u32;
+            let rows = first..first + count as u32;
+            match body.placements.as_ref().filter(|_| merged) {
+                Some(places) => placed.extend(places.iter().map(|place| {
+                    let material = runs.first_of(&place.materials, &mut model.materials);
+                    (place.first, place_cells(rows.clone(), place.node, material, place.world_from_part))
+                })),
+                None => placed.extend(place_alone(&model.instances, body.meshes[mesh], rows)),
+            }
+            let name = &model.meshes[body.meshes[mesh]].name;
             let source = sources.next().unwrap_or_default();
-            match &placements {
-                Some(places) => {
-                    placed.extend(places.iter().map(|place| place_cells(place, first, &outcome.mesh_of)))
-                }
-                None => placed.extend(place_alone(&model.instances, body.meshes[mesh], first, cells as u32)),
-            }
-            for (part, mesh) in outcome.cells.drain(..cells).zip(outcome.mesh_of.drain(..cells)) {
-                let name = model.meshes[body.meshes[mesh]].name.clone();
-                contents.parts.push(StoredPart { part, name, source, cell: cells > 1 });
-            }
+            let stored = |part| StoredPart { part, name: name.clone(), source, cell: count > 1 };
+            parts.extend(cells.by_ref().take(count).map(stored));
         }
     }
     placed.sort_by_key(|&(number, _)| number);
-    contents.instances = placed.into_iter().flat_map(|(_, cells)| cells).collect();
-    Contents { nodes: model.nodes, materials: model.materials, ..contents }
+    let instances = placed.into_iter().flat_map(|(_, cells)| cells).collect();
+    Contents { parts, instances, nodes: model.nodes, materials: model.materials }
 }
 
-/// The instances of all cells of a body at one place, after the number of its first instance in the model.
-fn place_cells(place: &Placement, first: u32, mesh_of: &[usize]) -> (usize, Vec<StoredInstance>) {
-    let &Placement { node, world_from_part, .. } = place;
-    let cells = (first..).zip(mesh_of).map(|(part, &mesh)| StoredInstance {
-        part,
-        node,
-        material: place.materials[mesh],
-        world_from_part,
-    });
-    (place.first, cells.collect())
+fn place_cells(
+    parts: Range<u32>,
+    node: u32,
+    material: u32,
+    world_from_part: DAffine3,
+) -> Vec<StoredInstance> {
+    parts.map(|part| StoredInstance { part, node, material, world_from_part }).collect()
 }
 
 /// The instances of all cells of one mesh wherever it is placed, each after its number in the model.
 fn place_alone(
     instances: &[Instance],
     mesh: usize,
-    first: u32,
-    cells: u32,
+    cells: Range<u32>,
 ) -> impl Iterator<Item = (usize, Vec<StoredInstance>)> {
     let own = instances.iter().enumerate().filter(move |(_, instance)| instance.mesh as usize == mesh);
     own.map(move |(number, &Instance { node, material, world_from_part, .. })| {
-        let cell = |part| StoredInstance { part, node, material, world_from_part };
-        (number, (first..first + cells).map(cell).collect())
+        (number, place_cells(cells.clone(), node, material, world_from_part))
     })
 }

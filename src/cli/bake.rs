@@ -65,7 +65,6 @@ pub fn run(arguments: &BakeArguments) -> Result<(), Failure> {
                 BoundaryArgument::Lock => Boundary::Lock,
             },
             weld_tolerance: arguments.weld,
-            joined: true,
         },
         crease_degrees: arguments.crease as f32,
         threads: arguments.threads.into(),

@@ -73,8 +73,7 @@ mod tests {
         }
         OrderedPart {
             grid: Grid { origin: [0.0; 3], step_exponent: 0 },
-            coloured: false,
-            slotted: false,
+            attributes: Default::default(),
             place: CellPlace::default(),
             vertices: (0..8).map(|x| VertexRecord::new([x, 0, 0], 0)).collect(),
             ecol: vec![0; 8],

@@ -2,7 +2,9 @@
 
 use super::ContainerError;
 use super::format::*;
-use crate::geometry::record::{GRID_BITS, MAX_PART_TRIANGLES, MAX_PART_VERTICES, Stall};
+use crate::geometry::record::{
+    Attributes, GRID_BITS, MAX_PART_TRIANGLES, MAX_PART_VERTICES, MAX_SLOTS, Stall,
+};
 
 /// The rows of all sections, not yet trusted.
 pub(super) struct Tables<'a> {
@@ -107,6 +109,14 @@ impl Tables<'_> {
         below("part", row.part, self.parts.len())?;
         below("node", row.node, self.nodes.len())?;
         below("material", row.material, self.materials.len())?;
+        let slots = u64::from(self.parts[row.part as usize].slots);
+        ensure(u64::from(row.material) + slots <= self.materials.len() as u64, || {
+            format!(
+                "it names {slots} materials from {} on, but there are {}",
+                row.material,
+                self.materials.len()
+            )
+        })?;
         ensure(row.flags == 0, || format!("its flags are {:#x}, none of which is known", row.flags))?;
         ensure(row.world_from_part.iter().all(|c| c.is_finite()), || "its transform is not finite".to_owned())
     }
@@ -222,13 +232,15 @@ fn check_part(row: &PartRow) -> RowCheck {
     ensure(row.flags & !(PartRow::COLOURED | PartRow::CELL | PartRow::SLOTTED) == 0, || {
         format!("its flags are {:#x}, not all of which are known", row.flags)
     })?;
-    ensure(!row.is_slotted() || row.is_coloured() && row.is_parent(), || {
-        "it has material slots and is no parent cell, or not flagged as coloured".to_owned()
+    let slotted = row.attributes() == Attributes::Slot;
+    let slots = if slotted { 1..=MAX_SLOTS as u32 } else { 0..=0 };
+    ensure(slots.contains(&row.slots) && !(slotted && row.flags & PartRow::COLOURED != 0), || {
+        format!("it has {} material slots and the flags {:#x}", row.slots, row.flags)
     })?;
     ensure(Stall::from_byte(row.stall).is_some(), || {
         format!("its cause of stall is {}, unknown", row.stall)
     })?;
-    ensure(row.reserved == [0; 3] && row.reserved_too == 0, || "its reserved bytes are not zero".to_owned())?;
+    ensure(row.reserved == [0; 3], || "its reserved bytes are not zero".to_owned())?;
     check_grid(row)
 }
 

@@ -9,7 +9,7 @@ use glam::DAffine3;
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::geometry::Grid;
-use crate::geometry::record::{CellPlace, ERROR_SAMPLES, Stall};
+use crate::geometry::record::{Attributes, CellPlace, ERROR_SAMPLES, Stall};
 
 #[cfg(target_endian = "big")]
 compile_error!("container rows are read in place, and the file is little-endian");
@@ -177,8 +177,8 @@ pub struct PartRow {
     pub parent_distance: u32,
     /// How many leaf cells a parent cell stands for; 0 for any other part.
     pub leaf_cells: u32,
-    /// Zero.
-    pub reserved_too: u32,
+    /// How many materials it has, if its vertices carry slots; otherwise 0.
+    pub slots: u32,
 }
 
 impl PartRow {
@@ -187,8 +187,7 @@ impl PartRow {
     /// Flag: it is one of the cells of a part that was cut.
     pub const CELL: u32 = 2;
 
-    /// Flag, with [`PartRow::COLOURED`]: in the place of colours, vertices carry slots, each the distance to the instance
-    /// whose material they have.
+    /// Flag: attributes are a normal of 2 x 12 bits and a material slot of 8 bits.
     pub const SLOTTED: u32 = 4;
 
     /// The grid of its positions.
@@ -196,14 +195,13 @@ impl PartRow {
         Grid { origin: self.origin, step_exponent: self.step_exponent }
     }
 
-    /// Whether vertices carry colours.
-    pub fn is_coloured(&self) -> bool {
-        self.flags & Self::COLOURED != 0
-    }
-
-    /// Whether vertices carry material slots in the place of colours.
-    pub fn is_slotted(&self) -> bool {
-        self.flags & Self::SLOTTED != 0
+    /// What vertices carry beside their position.
+    pub fn attributes(&self) -> Attributes {
+        match (self.flags & Self::SLOTTED != 0, self.flags & Self::COLOURED != 0) {
+            (true, _) => Attributes::Slot,
+            (false, true) => Attributes::Colour,
+            (false, false) => Attributes::Normal,
+        }
     }
 
     /// Whether it is a cell of a part that was cut.

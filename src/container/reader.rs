@@ -174,8 +174,7 @@ impl<'a> Container<'a> {
 pub(super) fn join(row: &PartRow, views: &[ChunkView]) -> OrderedPart {
     let mut part = OrderedPart {
         grid: row.grid(),
-        coloured: row.is_coloured(),
-        slotted: row.is_slotted(),
+        attributes: row.attributes(),
         vertices: Vec::new(),
         ecol: Vec::new(),
         triangles_at: TrianglesAt::from_parts(Vec::new(), Vec::new()),

@@ -11,6 +11,7 @@ use super::chunk::{ChunkSpec, ChunkView};
 use super::finding::Findings;
 use super::format::{PartRow, aligned};
 use super::reader::{Container, join};
+use crate::geometry::record::Attributes;
 use crate::geometry::{OrderedPart, OrderedTier, VertexRecord};
 
 /// No more findings than this are collected.
@@ -84,8 +85,8 @@ fn inspect_part(container: &Container, part: usize) -> Vec<String> {
         .collect();
     findings.set_place(place.clone());
     check_errors(row, &mut findings);
-    if row.is_slotted() {
-        check_slots(container.parts(), part, &views, &mut findings);
+    if row.attributes() == Attributes::Slot {
+        check_slots(row, &views, &mut findings);
     }
     if findings.is_empty() {
         check_together(&place, row, &join(row, &views), &mut findings);
@@ -132,15 +133,11 @@ fn read_chunk<'a>(
     Ok((spec, view, padding))
 }
 
-/// Every slot leads to a leaf cell of the same part.
-fn check_slots(parts: &[PartRow], part: usize, views: &[ChunkView], findings: &mut Findings) {
+/// Every slot is one of the part's.
+fn check_slots(row: &PartRow, views: &[ChunkView], findings: &mut Findings) {
     for (index, vertex) in views.iter().rev().flat_map(|view| view.vertices).enumerate() {
-        let slot = (vertex.attributes() >> 16) as usize;
-        let leaf =
-            parts.get(part + slot).filter(|leaf| !leaf.is_parent() && leaf.source == parts[part].source);
-        findings.expect(leaf.is_some(), || {
-            format!("vertex {index} has slot {slot}, where no leaf cell of its part is")
-        });
+        let slot = Attributes::Slot.tag(vertex.attributes());
+        findings.expect(slot < row.slots, || format!("vertex {index} has slot {slot} of {}", row.slots));
     }
 }
 

@@ -15,6 +15,7 @@ use tempfile::NamedTempFile;
 use super::format::*;
 use super::{Container, ContainerError};
 use crate::geometry::OrderedPart;
+use crate::geometry::record::Attributes;
 use crate::import::{Material, Node};
 
 /// A part to be stored.
@@ -366,9 +367,9 @@ fn part_row<'a>(stored: &'a StoredPart, first_chunk: u32, names: &mut Names<'a>)
     PartRow {
         origin: part.grid.origin,
         step_exponent: part.grid.step_exponent,
-        flags: flag(part.coloured, PartRow::COLOURED)
-            | flag(*cell, PartRow::CELL)
-            | flag(part.slotted, PartRow::SLOTTED),
+        flags: flag(part.attributes == Attributes::Colour, PartRow::COLOURED)
+            | flag(part.attributes == Attributes::Slot, PartRow::SLOTTED)
+            | flag(*cell, PartRow::CELL),
         grid_low,
         grid_high,
         vertices: part.vertices.len() as u32,
@@ -385,8 +386,14 @@ fn part_row<'a>(stored: &'a StoredPart, first_chunk: u32, names: &mut Names<'a>)
         reserved: [0; 3],
         parent_distance: part.place.parent_distance,
         leaf_cells: part.place.leaf_cells,
-        reserved_too: 0,
+        slots: slots(part),
     }
+}
+
+/// How many material slots the vertices of a part use.
+fn slots(part: &OrderedPart) -> u32 {
+    let used = part.vertices.iter().map(|vertex| Attributes::Slot.tag(vertex.attributes()) + 1);
+    if part.attributes == Attributes::Slot { used.max().unwrap_or(0) } else { 0 }
 }
 
 /// The least and greatest grid coordinates of a part's vertices.

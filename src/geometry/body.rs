@@ -1,15 +1,16 @@
 //! The meshes of one body in, its collapse-ordered cells out.
 //!
-//! A body is a mesh of the file that came apart because each of its materials became a mesh of its own. Its meshes lie
-//! on one grid, and where an open edge of one is an edge of another too, both ends are locked in both, so that the
-//! border between them stays closed at any mix of levels.
+//! A body is a mesh of the file of which each material became a mesh of its own. Usually the bake has made one mesh of it
+//! again before, with material slots. Where it could not, its meshes lie on one grid, and where an open edge of one is
+//! an edge of another too, both ends are locked in both, so that the border between them stays closed at any mix of
+//! levels.
 
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::adjacency::{EdgeCounts, PositionEdge, counts_of, position_edges};
-use super::cell_tree::{Joining, MAX_JOINED_CELLS, Watch, order_cells};
-use super::cells::{self, Cell};
+use super::cell_tree::{Joining, Watch, order_cells};
+use super::cells;
 use super::collapse::Boundary;
 use super::record::{Grid, MAX_PART_VERTICES, OrderedPart};
 use super::weld::{WeldedMesh, grid_around, weld};
@@ -22,12 +23,10 @@ pub struct BodyOutcome {
     /// All its cells, parents before their children; one for each mesh that had not to be cut, and none for a mesh of
     /// which no triangle had an area.
     pub cells: Vec<OrderedPart>,
-    /// For each cell the number of its mesh, the first one's for a parent of several.
+    /// For each cell the number of its mesh; the cells of a mesh come one after another.
     pub mesh_of: Vec<usize>,
     /// For each mesh what the weld found.
     pub welds: Vec<WeldCounts>,
-    /// Whether meshes have common parents; otherwise the cells of one mesh come after those of another.
-    pub joined: bool,
 }
 
 /// What the weld of one part found.
@@ -59,8 +58,6 @@ pub struct OrderOptions {
     /// Positions on open edges that are at most so far apart, in part units, are one position. `None`: a step of the
     /// part's grid, which is its own precision. 0: only equal ones are.
     pub weld_tolerance: Option<f64>,
-    /// Whether meshes of a body may have common parent cells: if they are always placed together.
-    pub joined: bool,
 }
 
 /// Orders one mesh, which has normals, by its edge collapses.
@@ -74,8 +71,6 @@ pub fn order_body(meshes: Vec<SourceMesh>, options: OrderOptions, watch: &dyn Wa
     let Some(grid) = grid_around(&meshes) else {
         return BodyOutcome { welds: meshes.iter().map(counts).collect(), ..BodyOutcome::default() };
     };
-    // Vertices have room for a colour or a slot.
-    let joinable = options.joined && meshes.iter().all(|mesh| mesh.colours.is_empty());
     // Each source mesh is given back as soon as it is welded.
     let mut welded: Vec<Welded> = meshes.into_iter().map(|mesh| welded(&mesh, grid, options)).collect();
     let shared = shared_borders(&welded);
@@ -86,33 +81,16 @@ pub fn order_body(meshes: Vec<SourceMesh>, options: OrderOptions, watch: &dyn Wa
         watch.done(welded.counts.source_triangles - welded.mesh.triangles.len());
     }
     let welds = welded.iter().map(|welded| welded.counts).collect();
-    let cells: Vec<Vec<Cell>> = welded.into_par_iter().map(|welded| cells::cut(welded.mesh)).collect();
-    let joined = joinable && cells.iter().map(Vec::len).sum::<usize>() <= MAX_JOINED_CELLS;
-    let none = FxHashSet::default();
-    let joining = Joining {
-        grid,
-        boundary: options.boundary,
-        locked: &none,
-        shared: &shared,
-        max_vertices: MAX_PART_VERTICES,
-    };
-    let ordered = if joined {
-        order_cells(cells, joining, watch)
-    } else {
-        order_apart(cells, Joining { locked: &shared, ..joining }, watch)
-    };
-    let (cells, mesh_of) = ordered.into_iter().unzip();
-    BodyOutcome { cells, mesh_of, welds, joined }
-}
-
-/// Orders each mesh by itself; what it shares with others stays locked.
-fn order_apart(cells: Vec<Vec<Cell>>, joining: Joining<'_>, watch: &dyn Watch) -> Vec<(OrderedPart, usize)> {
-    let apart = |(mesh, cells)| -> Vec<(OrderedPart, usize)> {
-        order_cells(vec![cells], joining, watch).into_iter().map(|(part, _)| (part, mesh)).collect()
-    };
-    let ordered: Vec<Vec<(OrderedPart, usize)>> =
-        cells.into_par_iter().with_max_len(1).enumerate().map(apart).collect();
-    ordered.into_iter().flatten().collect()
+    let joining =
+        Joining { grid, boundary: options.boundary, locked: &shared, max_vertices: MAX_PART_VERTICES };
+    let ordered: Vec<Vec<OrderedPart>> = welded
+        .into_par_iter()
+        .with_max_len(1)
+        .map(|welded| order_cells(cells::cut(welded.mesh), joining, watch))
+        .collect();
+    let mesh_of =
+        ordered.iter().enumerate().flat_map(|(mesh, cells)| cells.iter().map(move |_| mesh)).collect();
+    BodyOutcome { cells: ordered.into_iter().flatten().collect(), mesh_of, welds }
 }
 
 /// A mesh of a body on its way.

@@ -1,4 +1,4 @@
-//! The cells of a body in, all of them ordered out, with parent cells above them.
+//! The cells of a mesh in, all of them ordered out, with parent cells above them.
 //!
 //! Cells keep the positions that they share, so that they meet without cracks at any mix of levels; alone, these
 //! borders would set a floor to how coarse a large part can become, and spoil what is near it. So neighbouring cells
@@ -7,9 +7,6 @@
 //! end at the states that were joined. Parents have parents, up to one root where that is possible. Of a path from a root
 //! to a leaf cell exactly one cell is drawn, and any such choice meets without cracks: a shared position is free only
 //! where all cells that have it lie below one parent.
-//!
-//! The meshes of a body, which differ in material, share borders too, and have common parents in which vertices carry a
-//! slot for their material.
 
 use rayon::prelude::*;
 use rustc_hash::{FxHashMap, FxHashSet};
@@ -18,8 +15,7 @@ use super::cells::Cell;
 use super::collapse::{Boundary, collapse_order};
 use super::order::{OrderedMesh, arrange};
 use super::part::{coarsest_share_is_high, diagonal, error_samples};
-use super::quantize::encode_slotted;
-use super::record::{CellPlace, Grid, MAX_PART_TRIANGLES, OrderedPart, Stall, VertexRecord};
+use super::record::{Attributes, CellPlace, Grid, MAX_PART_TRIANGLES, OrderedPart, Stall, VertexRecord};
 use super::tiers;
 use super::weld::{WeldedMesh, morton};
 
@@ -40,24 +36,20 @@ impl Watch for () {
     fn done(&self, _triangles: usize) {}
 }
 
-/// How the cells of a body are ordered and joined.
+/// How the cells of a mesh are ordered and joined.
 #[derive(Debug, Clone, Copy)]
 pub struct Joining<'a> {
     /// The grid of all of them.
     pub grid: Grid,
     /// What may happen to open boundaries.
     pub boundary: Boundary,
-    /// Positions that stay locked, whatever is joined.
+    /// Positions that stay locked, whatever is joined: other meshes have them too.
     pub locked: &'a FxHashSet<[u32; 3]>,
-    /// Positions that leaf cells of several meshes share.
-    pub shared: &'a FxHashSet<[u32; 3]>,
     /// The most vertices of a parent.
     pub max_vertices: usize,
 }
 
-/// The most leaf cells that may have common parents: slots have 16 bits, and number all cells.
-pub const MAX_JOINED_CELLS: usize = 1 << 15;
-/// A parent starts with at most this share of the vertices of its children.
+/// A parent starts with about this share of the vertices of its children that are not locked.
 const LARGEST_SHARE: f64 = 0.25;
 /// No more children than that a parent can start with this share of their vertices.
 const LEAST_SHARE: f64 = 1.0 / 16.0;
@@ -65,12 +57,9 @@ const LEAST_SHARE: f64 = 1.0 / 16.0;
 /// An ordered cell, while its parent is looked for.
 struct Node {
     ordered: OrderedMesh,
-    coloured: bool,
-    slotted: bool,
+    attributes: Attributes,
     /// The diagonal of its box, in grid steps.
     diagonal: f64,
-    /// The number of its mesh in the body, the first one's for a parent of several.
-    mesh: usize,
     /// What its finest state is off by already, in grid steps.
     error: f32,
     cause: Stall,
@@ -78,35 +67,26 @@ struct Node {
     leaf_cells: u32,
 }
 
-/// Orders the cells of the meshes of a body in parallel and puts parent cells above them. `cells` has a list for each
-/// mesh.
+/// Orders the cells of a mesh in parallel and puts parent cells above them.
 ///
-/// Roots come first, and every parent before its children; [`OrderedPart::place`] says which is which. Of each also
-/// the number of its mesh, the first one's for a parent of several. A watch that stops it makes the result incomplete.
-pub fn order_cells(
-    cells: Vec<Vec<Cell>>,
-    joining: Joining<'_>,
-    watch: &dyn Watch,
-) -> Vec<(OrderedPart, usize)> {
-    let leaf = |(mesh, cell): (usize, Cell)| {
-        let cell = with_locked(with_locked(cell, joining.locked), joining.shared);
-        let node = order_cell(&cell, mesh, joining, 0.0);
+/// Roots come first, and every parent before its children; [`OrderedPart::place`] says which is which. A watch that
+/// stops it makes the result incomplete.
+pub fn order_cells(cells: Vec<Cell>, joining: Joining<'_>, watch: &dyn Watch) -> Vec<OrderedPart> {
+    let leaf = |cell: Cell| {
+        let cell = with_locked(cell, joining.locked);
+        let node = order_cell(&cell, joining, 0.0);
         watch.done(cell.mesh.triangles.len());
         node
     };
-    let of_mesh = |(mesh, cells): (usize, Vec<Cell>)| cells.into_iter().map(move |cell| (mesh, cell));
-    let cells: Vec<(usize, Cell)> = cells.into_iter().enumerate().flat_map(of_mesh).collect();
     let mut nodes: Vec<Node> =
         cells.into_par_iter().with_max_len(1).filter(|_| !watch.stopped()).map(leaf).collect();
-    let slots: FxHashMap<usize, u16> =
-        nodes.iter().enumerate().rev().map(|(node, leaf)| (leaf.mesh, node as u16)).collect();
     let mut roots: Vec<usize> = (0..nodes.len()).collect();
     while roots.len() > 1 && !watch.stopped() {
         let groups = neighbours_that_fit(&nodes, &roots, joining.max_vertices);
         if groups.len() == roots.len() {
             break;
         }
-        roots = join_groups(&mut nodes, &groups, &slots, joining);
+        roots = join_groups(&mut nodes, &groups, joining);
     }
     parents_first(nodes, joining.grid)
 }
@@ -121,14 +101,12 @@ fn with_locked(mut cell: Cell, positions: &FxHashSet<[u32; 3]>) -> Cell {
 }
 
 /// Orders one cell whose finest state is off by `error` grid steps already.
-fn order_cell(cell: &Cell, mesh: usize, joining: Joining<'_>, error: f32) -> Node {
+fn order_cell(cell: &Cell, joining: Joining<'_>, error: f32) -> Node {
     let order = collapse_order(&cell.mesh, &cell.locked, joining.boundary);
     Node {
         ordered: arrange(&cell.mesh, &order),
-        coloured: cell.mesh.coloured,
-        slotted: cell.mesh.slotted,
+        attributes: cell.mesh.attributes,
         diagonal: diagonal(&cell.mesh),
-        mesh,
         error,
         cause: order.stall,
         parent: None,
@@ -162,12 +140,7 @@ fn neighbours_that_fit(nodes: &[Node], roots: &[usize], max_vertices: usize) -> 
 }
 
 /// Makes a parent of every group of more than one; returns the roots that there are then, in the same order.
-fn join_groups(
-    nodes: &mut Vec<Node>,
-    groups: &[Vec<usize>],
-    slots: &FxHashMap<usize, u16>,
-    joining: Joining<'_>,
-) -> Vec<usize> {
+fn join_groups(nodes: &mut Vec<Node>, groups: &[Vec<usize>], joining: Joining<'_>) -> Vec<usize> {
     for group in groups.iter().filter(|group| group.len() > 1) {
         end_where_joined(nodes, group, joining.max_vertices);
     }
@@ -175,9 +148,9 @@ fn join_groups(
     let parent = |group: &Vec<usize>| {
         let children: Vec<&Node> = group.iter().map(|&node| &nodes[node]).collect();
         let error = children.iter().map(|node| node.coarsest_error()).fold(0.0, f32::max);
-        let cell = with_locked(joined(&children, &owners, slots), joining.locked);
+        let cell = with_locked(joined(&children, &owners), joining.locked);
         let leaf_cells = children.iter().map(|node| node.leaf_cells.max(1)).sum();
-        Node { leaf_cells, ..order_cell(&cell, children[0].mesh, joining, error) }
+        Node { leaf_cells, ..order_cell(&cell, joining, error) }
     };
     let parents: Vec<Option<Node>> =
         groups.par_iter().with_max_len(1).map(|group| (group.len() > 1).then(|| parent(group))).collect();
@@ -198,8 +171,12 @@ fn join_groups(
 
 /// Ends some nodes at states of the same error, as fine as their parent has room for.
 fn end_where_joined(nodes: &mut [Node], group: &[usize], max_vertices: usize) {
-    let vertices: usize = group.iter().map(|&node| nodes[node].ordered.vertices.len()).sum();
-    let room = (vertices as f64 * LARGEST_SHARE).min(max_vertices as f64) as u64;
+    let sum = |count: fn(&OrderedMesh) -> usize| {
+        group.iter().map(|&node| count(&nodes[node].ordered)).sum::<usize>()
+    };
+    let locked = sum(|mesh| mesh.locked as usize);
+    let free = sum(|mesh| mesh.vertices.len()) - locked;
+    let room = (locked as f64 + free as f64 * LARGEST_SHARE).min(max_vertices as f64) as u64;
     let fits = |error: f32| {
         let states = || group.iter().map(|&node| (&nodes[node], nodes[node].state_of_error(error)));
         let vertices: u64 = states().map(|(_, vn)| u64::from(vn)).sum();
@@ -231,20 +208,13 @@ impl Node {
         self.error + self.ordered.error_at(self.ordered.locked)
     }
 
-    /// The vertices of its coarsest state; in a parent of several meshes with the slots of these. There a slot is
-    /// the node of the first leaf cell of its mesh, until all nodes have their final numbers.
-    fn coarsest_vertices(&self, slots: &FxHashMap<usize, u16>, slotted: bool) -> Vec<VertexRecord> {
-        let slot = slots.get(&self.mesh).copied().unwrap_or(0);
-        let with_slot = |vertex: &VertexRecord| {
-            VertexRecord::new(vertex.grid(), encode_slotted(vertex.normal(self.coloured), slot))
-        };
-        let vertices = self.ordered.vertices[..self.ordered.locked as usize].iter();
-        if slotted && !self.slotted { vertices.map(with_slot).collect() } else { vertices.copied().collect() }
+    fn coarsest_vertices(&self) -> &[VertexRecord] {
+        &self.ordered.vertices[..self.ordered.locked as usize]
     }
 
     fn coarsest_positions(&self) -> Vec<u64> {
-        let coarsest = &self.ordered.vertices[..self.ordered.locked as usize];
-        let mut positions: Vec<u64> = coarsest.iter().map(|vertex| vertex.packed_position()).collect();
+        let mut positions: Vec<u64> =
+            self.coarsest_vertices().iter().map(|vertex| vertex.packed_position()).collect();
         positions.sort_unstable();
         positions.dedup();
         positions
@@ -253,8 +223,7 @@ impl Node {
     fn into_part(self, grid: Grid) -> OrderedPart {
         OrderedPart {
             grid,
-            coloured: self.coloured,
-            slotted: self.slotted,
+            attributes: self.attributes,
             // The cut has seen to it that indices fit 16 bits.
             ecol: self.ordered.ecol.iter().map(|&target| target as u16).collect(),
             tiers: tiers::cut(&self.ordered),
@@ -280,18 +249,16 @@ fn owners<'a>(nodes: &[Node], of: impl Iterator<Item = &'a usize>) -> FxHashMap<
 }
 
 /// The coarsest states of some cells as one mesh, locked where cells outside share a position.
-fn joined(children: &[&Node], owners: &FxHashMap<u64, u32>, slots: &FxHashMap<usize, u16>) -> Cell {
-    let slotted = children.iter().any(|node| node.slotted || node.mesh != children[0].mesh);
-    let coloured = slotted || children.iter().any(|node| node.coloured);
+fn joined(children: &[&Node], owners: &FxHashMap<u64, u32>) -> Cell {
     let key = |record: &VertexRecord| (morton(record.grid()), record.attributes());
-    let vertices: Vec<Vec<VertexRecord>> =
-        children.iter().map(|node| node.coarsest_vertices(slots, slotted)).collect();
-    let mut records = vertices.concat();
+    let mut records: Vec<VertexRecord> =
+        children.iter().flat_map(|node| node.coarsest_vertices()).copied().collect();
     records.sort_unstable_by_key(key);
     records.dedup();
-    let mut mesh = WeldedMesh { coloured, slotted, ..WeldedMesh::default() };
+    let mut mesh = WeldedMesh { attributes: children[0].attributes, ..WeldedMesh::default() };
     let mut inside = FxHashMap::default();
-    for (node, vertices) in children.iter().zip(&vertices) {
+    for node in children {
+        let vertices = node.coarsest_vertices();
         let wedge = |vertex: u32| {
             let own = key(&vertices[vertex as usize]);
             records.partition_point(|other| key(other) < own) as u32
@@ -318,50 +285,30 @@ fn joined(children: &[&Node], owners: &FxHashMap<u64, u32>, slots: &FxHashMap<us
 }
 
 /// Turns the list round, so that parents come before their children, and says of every cell where it stands.
-fn parents_first(nodes: Vec<Node>, grid: Grid) -> Vec<(OrderedPart, usize)> {
-    let finished: Vec<(OrderedPart, usize, Option<Stall>)> = nodes
-        .into_par_iter()
-        .with_max_len(1)
-        .enumerate()
-        .map(|(number, node)| {
-            let (mesh, parent, cause) = (node.mesh, node.parent, node.cause);
-            let mut part = node.into_part(grid);
-            part.place.parent_distance = parent.map_or(0, |parent| (parent - number) as u32);
-            if part.slotted {
-                number_slots(&mut part, number);
-            }
-            (part, mesh, parent.is_none().then_some(cause))
-        })
-        .collect();
-    let mut parts: Vec<(OrderedPart, usize)> = Vec::with_capacity(finished.len());
-    let mut causes = Vec::with_capacity(finished.len());
-    for (part, mesh, cause) in finished.into_iter().rev() {
-        parts.push((part, mesh));
-        causes.push(cause);
-    }
+fn parents_first(nodes: Vec<Node>, grid: Grid) -> Vec<OrderedPart> {
+    let causes: Vec<Option<Stall>> =
+        nodes.iter().rev().map(|node| node.parent.is_none().then_some(node.cause)).collect();
+    let finish = |(number, node): (usize, Node)| {
+        let distance = node.parent.map_or(0, |parent| (parent - number) as u32);
+        let mut part = node.into_part(grid);
+        part.place.parent_distance = distance;
+        part
+    };
+    let mut parts: Vec<OrderedPart> = nodes.into_par_iter().with_max_len(1).enumerate().map(finish).collect();
+    parts.reverse();
     name_stalls(&mut parts, &causes);
     parts
 }
 
 /// Roots that keep more than a tenth of the triangles that they stand for always have a cause.
-fn name_stalls(parts: &mut [(OrderedPart, usize)], causes: &[Option<Stall>]) {
-    let places: Vec<CellPlace> = parts.iter().map(|(part, _)| part.place).collect();
-    let triangles = sums_below(&places, |i| parts[i].0.triangle_count().into());
-    for (i, (part, _)) in parts.iter_mut().enumerate() {
+fn name_stalls(parts: &mut [OrderedPart], causes: &[Option<Stall>]) {
+    let places: Vec<CellPlace> = parts.iter().map(|part| part.place).collect();
+    let triangles = sums_below(&places, |i| parts[i].triangle_count().into());
+    for (i, part) in parts.iter_mut().enumerate() {
         let Some(cause) = causes[i] else { continue };
         if coarsest_share_is_high(part.coarsest_triangles(), triangles[i]) {
             part.stall = if cause == Stall::None { Stall::Least } else { cause };
         }
-    }
-}
-
-/// Turns the leaf nodes in the slots of node `number` into distances to them.
-fn number_slots(part: &mut OrderedPart, number: usize) {
-    for vertex in &mut part.vertices {
-        let leaf = (vertex.attributes() >> 16) as usize;
-        // A leaf comes before its parents, and all are fewer than 2^16.
-        let attributes = vertex.attributes() & 0xffff | ((number - leaf) as u32) << 16;
-        *vertex = VertexRecord::new(vertex.grid(), attributes);
     }
 }
 

@@ -167,7 +167,7 @@ fn cell(mesh: &WeldedMesh, piece: Vec<u32>, owners: &[u32]) -> Cell {
     let mut wedges: Vec<u32> = piece.iter().flat_map(|&t| mesh.triangles[t as usize]).collect();
     wedges.sort_unstable();
     wedges.dedup();
-    let mut cell = WeldedMesh { coloured: mesh.coloured, slotted: mesh.slotted, ..WeldedMesh::default() };
+    let mut cell = WeldedMesh { attributes: mesh.attributes, ..WeldedMesh::default() };
     let mut locked = Vec::new();
     let mut last = None;
     for &wedge in &wedges {

@@ -3,7 +3,7 @@
 //! Octahedral normals: Meyer et al. 2010, *On Floating-Point Normal Vectors*; signed-normalised components as WGSL's
 //! `unpack2x16snorm` and `unpack4x8snorm` read them, so that the six axes are exact.
 
-use super::record::{GRID_BITS, Grid, VertexRecord};
+use super::record::{Attributes, GRID_BITS, Grid, VertexRecord};
 
 /// The finest step exponent: 2^-1022 is the least normal f64.
 const LEAST_STEP_EXPONENT: i32 = -1022;
@@ -75,9 +75,18 @@ pub fn encode_coloured(normal: [f32; 3], [r, g, b, _]: [u8; 4]) -> u32 {
     u32::from(x) | u32::from(y) << 8 | rgb << 16
 }
 
-/// Encodes a normal in 2 x 8 bits and a material slot in 16.
-pub fn encode_slotted(normal: [f32; 3], slot: u16) -> u32 {
-    encode_coloured(normal, [0; 4]) & 0xffff | u32::from(slot) << 16
+/// Encodes a normal in 2 x 12 bits and a material slot.
+pub fn encode_slotted(normal: [f32; 3], slot: u8) -> u32 {
+    let [x, y] = fold(normal).map(|c| (c * 2047.0).round() as i32 as u32 & 0xfff);
+    x | y << 12 | u32::from(slot) << 24
+}
+
+/// Decodes what [`encode_slotted`] made.
+pub fn decode_slotted(word: u32) -> ([f32; 3], u8) {
+    // Up to the sign bit and down again, so that it spreads.
+    let signed = |bits: u32| ((bits << 20) as i32 >> 20) as f32;
+    let normal = unfold([word & 0xfff, word >> 12 & 0xfff].map(|bits| (signed(bits) / 2047.0).max(-1.0)));
+    (normal, (word >> 24) as u8)
 }
 
 /// Decodes what [`encode_coloured`] made: the normal and the colour with full alpha.
@@ -90,8 +99,12 @@ pub fn decode_coloured(word: u32) -> ([f32; 3], [u8; 4]) {
 
 impl VertexRecord {
     /// The unit normal, whichever way it is stored.
-    pub fn normal(self, coloured: bool) -> [f32; 3] {
-        if coloured { decode_coloured(self.attributes()).0 } else { decode_normal(self.attributes()) }
+    pub fn normal(self, attributes: Attributes) -> [f32; 3] {
+        match attributes {
+            Attributes::Normal => decode_normal(self.attributes()),
+            Attributes::Colour => decode_coloured(self.attributes()).0,
+            Attributes::Slot => decode_slotted(self.attributes()).0,
+        }
     }
 }
 
@@ -112,6 +125,7 @@ mod tests {
                 n[axis] = sign;
                 assert_eq!(decode_normal(encode_normal(n)), n);
                 assert_eq!(decode_coloured(encode_coloured(n, [255, 0, 255, 255])), (n, [255, 0, 255, 255]));
+                assert_eq!(decode_slotted(encode_slotted(n, 201)), (n, 201));
             }
         }
     }
@@ -130,6 +144,7 @@ mod tests {
             let n = [x, y, z].map(|c| c / length);
             prop_assert!(dot(n, decode_normal(encode_normal(n))) > 0.999_999);
             prop_assert!(dot(n, decode_coloured(encode_coloured(n, [0; 4])).0) > 0.999);
+            prop_assert!(dot(n, decode_slotted(encode_slotted(n, 0)).0) > 0.999_998);
         }
 
         #[test]

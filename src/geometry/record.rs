@@ -16,8 +16,7 @@ pub const GRID_BITS: u32 = 21;
 /// A vertex as stored and sent: 12 bytes.
 ///
 /// Words 0 and 1 are the low and high half of a `u64` with the grid coordinates x, y, z in bits 0..21, 21..42, 42..63.
-/// Word 2 is an octahedral normal of 2 x 16 bits (x low), or in parts flagged as coloured an octahedral normal of
-/// 2 x 8 bits in the low half and RGB 5-6-5 in the high half (red highest), or in slotted parts a slot there.
+/// Word 2 is what [`Attributes`] says.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Pod, Zeroable, PartialOrd, Ord)]
 pub struct VertexRecord {
@@ -48,6 +47,33 @@ impl VertexRecord {
     /// The attribute word.
     pub fn attributes(self) -> u32 {
         self.words[2]
+    }
+}
+
+/// What word 2 of a vertex record holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Attributes {
+    /// An octahedral normal of 2 x 16 bits, x low.
+    #[default]
+    Normal,
+    /// An octahedral normal of 2 x 8 bits in the low half, and RGB 5-6-5 in the high half, red highest.
+    Colour,
+    /// An octahedral normal of 2 x 12 bits, x low, and in the highest 8 bits a material slot: slot `s` of an instance
+    /// is the material that comes `s` after the instance's own.
+    Slot,
+}
+
+/// The most materials of a part: slots have 8 bits.
+pub const MAX_SLOTS: usize = 1 << 8;
+
+impl Attributes {
+    /// What of the word is not the normal: two wedges whose tags differ may not stand for each other.
+    pub fn tag(self, word: u32) -> u32 {
+        match self {
+            Self::Normal => 0,
+            Self::Colour => word >> 16,
+            Self::Slot => word >> 24,
+        }
     }
 }
 
@@ -95,11 +121,8 @@ impl Grid {
 pub struct OrderedPart {
     /// Where grid coordinates lie in part space.
     pub grid: Grid,
-    /// Whether vertices carry colours, or in a slotted part slots.
-    pub coloured: bool,
-    /// Whether vertices carry material slots in the place of colours: a parent cell whose leaf cells have several
-    /// materials. Slot `s` is the material of the instance that follows the part's own by `s`.
-    pub slotted: bool,
+    /// What vertices carry beside their position.
+    pub attributes: Attributes,
     /// All `m` vertices; the last is the first to be removed.
     pub vertices: Vec<VertexRecord>,
     /// For each vertex the one that it collapses onto: smaller than its own index, or equal for a locked vertex.

@@ -10,8 +10,8 @@
 
 use rustc_hash::FxHashSet;
 
-use super::quantize::{encode_coloured, encode_normal};
-use super::record::{Grid, VertexRecord};
+use super::quantize::{encode_coloured, encode_normal, encode_slotted};
+use super::record::{Attributes, Grid, VertexRecord};
 use crate::import::SourceMesh;
 
 /// Wedges of one position whose normals differ by less than half a degree are one wedge: exporters compute the
@@ -29,10 +29,8 @@ pub struct WeldedMesh {
     pub wedge_position: Vec<u32>,
     /// Three wedges a triangle; no two corners share a position.
     pub triangles: Vec<[u32; 3]>,
-    /// Whether wedges carry colours, or slots.
-    pub coloured: bool,
-    /// Whether wedges carry material slots in the place of colours.
-    pub slotted: bool,
+    /// What wedges carry beside their position.
+    pub attributes: Attributes,
     /// Triangles dropped because two corners share a position.
     pub degenerate: usize,
     /// Triangles dropped because an earlier one has the same corners, whichever way it faces.
@@ -99,11 +97,15 @@ pub(super) fn morton(grid: [u32; 3]) -> u64 {
 
 /// Welds a mesh that has normals (see [`super::normals`]) on the given grid.
 pub fn weld(mesh: &SourceMesh, grid: Grid) -> WeldedMesh {
-    let coloured = !mesh.colours.is_empty();
-    weld_records(&records_of(mesh, grid, coloured), &mesh.triangles, coloured)
+    let attributes = match (mesh.slots.is_empty(), mesh.colours.is_empty()) {
+        (false, _) => Attributes::Slot,
+        (true, false) => Attributes::Colour,
+        (true, true) => Attributes::Normal,
+    };
+    weld_records(&records_of(mesh, grid, attributes), &mesh.triangles, attributes)
 }
 
-fn weld_records(records: &[VertexRecord], triangles: &[[u32; 3]], coloured: bool) -> WeldedMesh {
+fn weld_records(records: &[VertexRecord], triangles: &[[u32; 3]], attributes: Attributes) -> WeldedMesh {
     let mut order: Vec<(u64, u32, u32)> = used_vertices(records.len(), triangles)
         .map(|vertex| {
             let record = records[vertex as usize];
@@ -112,7 +114,7 @@ fn weld_records(records: &[VertexRecord], triangles: &[[u32; 3]], coloured: bool
         .collect();
     order.sort_unstable();
 
-    let mut welded = WeldedMesh { coloured, ..WeldedMesh::default() };
+    let mut welded = WeldedMesh { attributes, ..WeldedMesh::default() };
     let mut wedge_of = vec![u32::MAX; records.len()];
     let mut last = None;
     for (code, _, vertex) in order {
@@ -136,15 +138,19 @@ fn used_vertices(count: usize, triangles: &[[u32; 3]]) -> impl Iterator<Item = u
     used.into_iter().enumerate().filter(|&(_, used)| used).map(|(vertex, _)| vertex as u32)
 }
 
-fn records_of(mesh: &SourceMesh, grid: Grid, coloured: bool) -> Vec<VertexRecord> {
-    let attributes = |vertex: usize| {
+fn records_of(mesh: &SourceMesh, grid: Grid, attributes: Attributes) -> Vec<VertexRecord> {
+    let word = |vertex: usize| {
         let normal = mesh.normals.get(vertex).copied().unwrap_or([0.0, 0.0, 1.0]);
-        if coloured { encode_coloured(normal, mesh.colours[vertex]) } else { encode_normal(normal) }
+        match attributes {
+            Attributes::Normal => encode_normal(normal),
+            Attributes::Colour => encode_coloured(normal, mesh.colours[vertex]),
+            Attributes::Slot => encode_slotted(normal, mesh.slots[vertex]),
+        }
     };
     mesh.positions
         .iter()
         .enumerate()
-        .map(|(vertex, p)| VertexRecord::new(grid.quantize(p.map(f64::from)), attributes(vertex)))
+        .map(|(vertex, p)| VertexRecord::new(grid.quantize(p.map(f64::from)), word(vertex)))
         .collect()
 }
 
@@ -168,10 +174,10 @@ impl WeldedMesh {
         if a.attributes() == b.attributes() {
             return true;
         }
-        if self.coloured && a.attributes() >> 16 != b.attributes() >> 16 {
+        if self.attributes.tag(a.attributes()) != self.attributes.tag(b.attributes()) {
             return false;
         }
-        let (n, k) = (a.normal(self.coloured), b.normal(self.coloured));
+        let (n, k) = (a.normal(self.attributes), b.normal(self.attributes));
         n[0] * k[0] + n[1] * k[1] + n[2] * k[2] > SAME_NORMAL_COS
     }
 
@@ -181,10 +187,9 @@ impl WeldedMesh {
             VertexRecord::new(self.positions[onto[position as usize] as usize], record.attributes())
         };
         let records: Vec<VertexRecord> = self.wedges.iter().zip(&self.wedge_position).map(moved).collect();
-        let again = weld_records(&records, &self.triangles, self.coloured);
+        let again = weld_records(&records, &self.triangles, self.attributes);
         let (degenerate, duplicate) = (self.degenerate, self.duplicate);
         *self = Self {
-            slotted: self.slotted,
             degenerate: again.degenerate + degenerate,
             duplicate: again.duplicate + duplicate,
             ..again

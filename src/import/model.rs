@@ -36,6 +36,9 @@ pub struct SourceMesh {
     /// sRGB vertex colours, one per vertex, or empty. The base colour of the material is multiplied in already; the
     /// materials of all placements of a coloured mesh are white.
     pub colours: Vec<Colour>,
+    /// Material slots, one per vertex, or empty: importers leave them empty, and the bake fills them where it makes one
+    /// mesh of a body of several materials.
+    pub slots: Vec<u8>,
     /// Three vertex indices a triangle, counter-clockwise seen from outside; all below `positions.len()`.
     pub triangles: Vec<[u32; 3]>,
 }

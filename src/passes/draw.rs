@@ -8,6 +8,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec3, Mat4, Vec3};
 
 use crate::geometry::Grid;
+use crate::geometry::record::Attributes;
 use crate::gpu::target::{COLOUR_FORMAT, DEPTH_FORMAT, Target};
 use crate::import::Colour;
 use crate::scene::camera::{Camera, split_f64};
@@ -90,19 +91,22 @@ impl InstanceRow {
     /// `s` is that of the row `s` after it.
     pub const SLOTTED: u32 = 1 << 25;
 
-    /// The row of a part on `grid`, placed by `world_from_part`.
-    pub fn new(world_from_part: DAffine3, grid: Grid, colour: Colour, coloured: bool) -> Self {
+    /// The row of a part on `grid`, placed by `world_from_part`; that of a slotted part still lacks the number of its
+    /// first colour's row.
+    pub fn new(world_from_part: DAffine3, grid: Grid, colour: Colour, attributes: Attributes) -> Self {
         let origin = world_from_part.transform_point3(DVec3::from_array(grid.origin));
         let (high, low) = split_f64(origin);
         let linear = world_from_part.matrix3 * grid.step();
         let column = |i: usize| linear.col(i).as_vec3().extend(high[i]).to_array();
-        let [red, green, blue, _] = colour;
-        let flag = if coloured { Self::COLOURED } else { 0 };
-        Self {
-            columns: [column(0), column(1), column(2)],
-            translation_low: low.to_array(),
-            colour: u32::from_le_bytes([red, green, blue, 0]) | flag,
-        }
+        let flag = if attributes == Attributes::Colour { Self::COLOURED } else { 0 };
+        let columns = [column(0), column(1), column(2)];
+        let row = Self { columns, translation_low: low.to_array(), colour: 0 }.with_colour(colour);
+        Self { colour: row.colour | flag, ..row }
+    }
+
+    /// The same row with another colour, and no flags.
+    pub fn with_colour(self, [red, green, blue, _]: Colour) -> Self {
+        Self { colour: u32::from_le_bytes([red, green, blue, 0]), ..self }
     }
 }
 
@@ -377,7 +381,7 @@ mod tests {
             glam::DQuat::IDENTITY,
             DVec3::new(1e7, 0.1, -3.0),
         );
-        let row = InstanceRow::new(placed, grid, [1, 2, 3, 255], true);
+        let row = InstanceRow::new(placed, grid, [1, 2, 3, 255], Attributes::Colour);
         assert_eq!(row.columns[0], [0.5, 0.0, 0.0, 10_000_002.0]);
         assert_eq!(
             row.columns[1][3] as f64 + row.translation_low[1] as f64,

@@ -129,6 +129,13 @@ impl Scene {
         self.colours[instance.material as usize]
     }
 
+    /// The colours of the material slots of an instance; none if its part has no slots.
+    pub fn slot_colours(&self, instance: &InstanceRow) -> &[Colour] {
+        let (first, slots) = (instance.material as usize, self.parts[instance.part as usize].slots as usize);
+        // The container has checked that there are so many.
+        &self.colours[first..first + slots]
+    }
+
     /// What the chunks of a part hold, finest tier first.
     pub fn tiers(&self, part: u32) -> &[ChunkSpec] {
         &self.chunks[self.chunk_start[part as usize] as usize..self.chunk_start[part as usize + 1] as usize]

@@ -1,7 +1,7 @@
 //! Small valid parts, made by the most naive sequential simplification, and contents made of them.
 
 use collapsar::container::{Contents, StoredInstance, StoredPart};
-use collapsar::geometry::record::{ERROR_SAMPLES, Stall};
+use collapsar::geometry::record::{Attributes, ERROR_SAMPLES, Stall};
 use collapsar::geometry::{Grid, OrderedPart, OrderedTier, TriangleRecord, TrianglesAt, VertexRecord};
 use collapsar::import::{Material, Node};
 use glam::{DAffine3, DMat3, DVec3};
@@ -127,8 +127,7 @@ pub fn ordered(mesh: &Mesh) -> OrderedPart {
     let tiers = tiers(&finest, &ecol, &triangles_at, locked as usize, mesh.tier_ratio);
     OrderedPart {
         grid: Grid { origin: [-1.5, 0.25, 1024.0], step_exponent: -10 },
-        coloured: false,
-        slotted: false,
+        attributes: Default::default(),
         vertices,
         ecol,
         triangles_at,
@@ -204,6 +203,6 @@ pub fn contents_of(parts: Vec<StoredPart>) -> Contents {
 /// What the committed file of version 1 holds.
 pub fn golden_contents() -> Contents {
     let mut cell = stored(&triangle(), "ø triangle");
-    (cell.cell, cell.part.coloured, cell.part.stall) = (true, true, Stall::None);
+    (cell.cell, cell.part.attributes, cell.part.stall) = (true, Attributes::Colour, Stall::None);
     contents_of(vec![stored(&sheet(6, 5, 6, 7), "sheet"), stored(&book(), "book"), cell])
 }

@@ -145,7 +145,7 @@ fn a_reader_written_from_the_specification_decodes_the_same_vertices() {
         let coloured = file.u32(file.part(part) + 28) & 1 != 0;
         for (words, vertex) in tier.vertices.iter().zip(&whole.vertices) {
             assert_eq!(position(&file, part, *words), whole.grid.position(vertex.grid()));
-            let expected = vertex.normal(coloured);
+            let expected = vertex.normal(whole.attributes);
             for (axis, c) in normal(*words, coloured).into_iter().enumerate() {
                 assert!((c - f64::from(expected[axis])).abs() < 1e-5, "{words:?}");
             }

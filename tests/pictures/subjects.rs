@@ -4,10 +4,9 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, LazyLock};
 
-use collapsar::container::{self, Contents, StoredInstance, StoredPart};
+use collapsar::bake::{BakeOptions, BakeProgress, ordered};
+use collapsar::container;
 use collapsar::frame::{Renderer, Settings};
-use collapsar::geometry::Boundary;
-use collapsar::geometry::body::order_part;
 use collapsar::geometry::normals::{CREASE_DEGREES, by_crease_angle};
 use collapsar::gpu::Gpu;
 use collapsar::gpu::target::Target;
@@ -137,26 +136,7 @@ impl Shot {
 
 /// The model, ordered, written and opened.
 fn baked(model: &Model) -> Scene {
-    let mut contents =
-        Contents { nodes: model.nodes.clone(), materials: model.materials.clone(), ..Contents::default() };
-    let mut parts_of = Vec::new();
-    for (mesh, source) in model.meshes.iter().zip(0..) {
-        let first = contents.parts.len() as u32;
-        let cells = order_part(mesh, Boundary::default()).cells;
-        let cell = cells.len() > 1;
-        let stored = |part| StoredPart { part, name: mesh.name.clone(), source, cell };
-        contents.parts.extend(cells.into_iter().map(stored));
-        parts_of.push(first..contents.parts.len() as u32);
-    }
-    for instance in &model.instances {
-        let placed = |part| StoredInstance {
-            part,
-            node: instance.node,
-            material: instance.material,
-            world_from_part: instance.world_from_part,
-        };
-        contents.instances.extend(parts_of[instance.mesh as usize].clone().map(placed));
-    }
+    let (contents, _) = ordered(model.clone(), &BakeOptions::default(), &BakeProgress::default()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("subject.clps");
     container::write(&file, &contents, &AtomicBool::new(false)).unwrap();

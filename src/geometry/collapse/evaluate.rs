@@ -9,6 +9,7 @@ use glam::Vec3;
 use super::Phase;
 use super::mesh::{CornerMesh, Face};
 use super::ring::{Place, Ring};
+use crate::geometry::record::Attributes;
 use crate::geometry::record::{Stall, VertexRecord};
 
 /// The least cosine between a triangle's normal before and after a strict collapse.
@@ -52,18 +53,21 @@ pub(super) enum Action {
 /// The unchanging part of the problem.
 pub(super) struct Setting<'a> {
     pub wedges: &'a [VertexRecord],
-    pub coloured: bool,
+    pub attributes: Attributes,
     pub locked: &'a [bool],
 }
 
 impl Setting<'_> {
-    /// The cosine between the normals of two wedges.
+    /// The cosine between the normals of two wedges; the least there is if they differ in colour or material.
     fn likeness(&self, a: u32, b: u32) -> f32 {
         if a == b {
             return 1.0;
         }
-        let normal = |wedge: u32| Vec3::from(self.wedges[wedge as usize].normal(self.coloured));
-        normal(a).dot(normal(b))
+        let [a, b] = [a, b].map(|wedge| self.wedges[wedge as usize]);
+        if self.attributes.tag(a.attributes()) != self.attributes.tag(b.attributes()) {
+            return -1.0;
+        }
+        Vec3::from(a.normal(self.attributes)).dot(b.normal(self.attributes).into())
     }
 }
 

@@ -123,7 +123,7 @@ pub fn collapse_order(mesh: &WeldedMesh, locked: &[bool], boundary: Boundary) ->
         Boundary::Slide => locked.to_vec(),
         Boundary::Lock => with_open_positions(mesh, locked),
     };
-    let setting = Setting { wedges: &mesh.wedges, coloured: mesh.coloured, locked: &locked };
+    let setting = Setting { wedges: &mesh.wedges, attributes: mesh.attributes, locked: &locked };
     let mut simplifier = Simplifier::new(mesh, setting, places, grid_steps);
     simplifier.run();
     simplifier.order.stall = simplifier.common_stall();
@@ -252,7 +252,8 @@ impl<'a> Simplifier<'a> {
     /// Collapses a position, whose ring the evaluator has just looked at, onto a neighbour.
     fn collapse(&mut self, position: u32, target: u32, phase: Phase) {
         let offset = self.evaluator.ring.point(target) - self.evaluator.ring.origin;
-        let carried = self.drift.carry(&mut self.mesh, &self.evaluator.ring, position, target, offset, self.error);
+        let carried =
+            self.drift.carry(&mut self.mesh, &self.evaluator.ring, position, target, offset, self.error);
         let slid = self.slid[position as usize] + SAGITTA * self.evaluator.ring.slide(offset);
         self.slid[target as usize] = self.slid[target as usize].max(slid);
         let carried = carried.max(slid);
@@ -383,8 +384,12 @@ impl<'a> Simplifier<'a> {
         let triangles: Vec<[Vec3; 3]> = triangles
             .map(|(apex, [a, b])| [apex, self.evaluator.ring.point(a), self.evaluator.ring.point(b)])
             .collect();
-        let from = |point: Vec3| triangles.iter().map(move |&t| squared_distance(point, t)).min_by(f32::total_cmp);
-        let farthest = gone.iter().filter_map(|&position| from(self.evaluator.ring.point(position))).max_by(f32::total_cmp);
+        let from =
+            |point: Vec3| triangles.iter().map(move |&t| squared_distance(point, t)).min_by(f32::total_cmp);
+        let farthest = gone
+            .iter()
+            .filter_map(|&position| from(self.evaluator.ring.point(position)))
+            .max_by(f32::total_cmp);
         farthest.map_or(0.5 * self.evaluator.piece_size(gone), f32::sqrt)
     }
 
@@ -393,7 +398,8 @@ impl<'a> Simplifier<'a> {
         let mut position = from;
         while self.searches > 0 {
             self.searches -= 1;
-            position = position.checked_add_signed(step).filter(|&p| (p as usize) < self.mesh.position_count())?;
+            position =
+                position.checked_add_signed(step).filter(|&p| (p as usize) < self.mesh.position_count())?;
             if self.mesh.valence(position) > 0 {
                 return Some(position);
             }

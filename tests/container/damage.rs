@@ -49,7 +49,7 @@ fn every_contradiction_in_the_tables_is_named() {
         (0, 2, 92, u32::MAX, "tiers are not among"),
         (0, 2, 92, 0, "tiers are not among"),
         (0, 2, 112, 6, "part 2: its cause of stall is 6"),
-        (0, 2, 124, 1, "part 2: its reserved bytes"),
+        (0, 2, 124, 1, "part 2: it has 1 material slots and the flags 0x3"),
         (1, 0, 0, 16, "its chunk is"),
         (1, 0, 8, 16, "its counts call for"),
         (1, 1, 12, 1000, "fewer and fewer"),

@@ -34,7 +34,7 @@ struct Spoke {
 
 impl Drift {
     /// Carries the witnesses of a ring over its collapse onto the neighbour `target` at `offset`; returns the largest
-    /// distance. `error` is the largest of all steps so far.
+    /// distance and the witness that it is of. `error` is the largest of all steps so far.
     pub fn carry(
         &mut self,
         mesh: &mut CornerMesh,
@@ -43,7 +43,7 @@ impl Drift {
         target: u32,
         offset: Vec3,
         error: f32,
-    ) -> f32 {
+    ) -> (f32, Vec3) {
         let least = (NOTABLE * error).powi(2);
         let survives = |f: &&RingFace| !f.face.touches(target);
         self.fan.clear();
@@ -54,18 +54,22 @@ impl Drift {
             farthest: least,
             witness: NONE,
         }));
-        let mut farthest = self.hand_over(position, Vec3::ZERO, offset);
+        let mut farthest = (self.hand_over(position, Vec3::ZERO, offset), ring.origin);
         let most = MOST / self.fan.len().max(1);
         for f in ring.faces.iter().take(most) {
             let witness = std::mem::replace(mesh.witness(f.face.triangle()), NONE);
             if witness != NONE {
-                farthest = farthest.max(self.hand_over(witness, ring.point(witness) - ring.origin, offset));
+                let point = ring.point(witness);
+                let distance = self.hand_over(witness, point - ring.origin, offset);
+                if distance > farthest.0 {
+                    farthest = (distance, point);
+                }
             }
         }
         for spoke in &self.fan {
             *mesh.witness(spoke.triangle) = spoke.witness;
         }
-        farthest.sqrt()
+        (farthest.0.sqrt(), farthest.1)
     }
 
     /// The largest distance from the middle of an edge that a collapse makes to the ring that it replaces, or `least` if

@@ -22,6 +22,10 @@ const SHORTNESS: f32 = 1e-6;
 const RELAXED_PRICE: f32 = 0.1;
 /// What a smeared crease costs, in the same measure.
 const SMEAR_PRICE: f32 = 0.03;
+/// What it costs to smear a colour or a material, in the same measure.
+const TAG_PRICE: f32 = 0.5;
+/// The likeness of wedges that differ in colour or material: below every cosine.
+const OTHER_TAG: f32 = -2.0;
 /// What the distance from the position to the surface that would be left costs, squared, for each unit of the ring's
 /// area.
 const GAP_WEIGHT: f32 = 1.0;
@@ -31,6 +35,9 @@ pub(super) const LARGEST_PIECE: usize = 32;
 const TARGETS_TRIED: usize = 24;
 /// A position with more triangles than this is a hub: nothing that is done beside it may look at all of it.
 pub(super) const HUB: u32 = 64;
+
+/// At most so many triangles are asked whether they touch a hub.
+const MOST_ASKED: u32 = 1024;
 
 /// What can be done with a position now.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,14 +65,14 @@ pub(super) struct Setting<'a> {
 }
 
 impl Setting<'_> {
-    /// The cosine between the normals of two wedges; the least there is if they differ in colour or material.
+    /// The cosine between the normals of two wedges; [`OTHER_TAG`] if they differ in colour or material.
     fn likeness(&self, a: u32, b: u32) -> f32 {
         if a == b {
             return 1.0;
         }
         let [a, b] = [a, b].map(|wedge| self.wedges[wedge as usize]);
         if self.attributes.tag(a.attributes()) != self.attributes.tag(b.attributes()) {
-            return -1.0;
+            return OTHER_TAG;
         }
         Vec3::from(a.normal(self.attributes)).dot(b.normal(self.attributes).into())
     }
@@ -211,7 +218,11 @@ impl Evaluator {
         }
         let likeness = self.map_wedges(mesh, setting, neighbour.position)?;
         let gap = GAP_WEIGHT * self.ring.area * self.ring.gap(neighbour.position, neighbour.offset);
-        let smear = if likeness < SMEAR_LIMIT { SMEAR_PRICE * unit } else { 0.0 };
+        let smear = match likeness {
+            OTHER_TAG => TAG_PRICE * unit,
+            likeness if likeness < SMEAR_LIMIT => SMEAR_PRICE * unit,
+            _ => 0.0,
+        };
         if junction || !self.link_holds(mesh, position, neighbour.position) {
             return Some((Phase::Topology, RELAXED_PRICE * unit + smear + gap));
         }
@@ -242,8 +253,13 @@ impl Evaluator {
         if mesh.valence(target) <= HUB {
             return !mesh.faces(target).any(|face| !face.touches(position) && self.breaks(face, target));
         }
+        let others = || self.ring.neighbours.iter().filter(|n| n.position != target);
+        // Between two hubs nobody can tell in bounded time.
+        if others().map(|n| mesh.valence(n.position)).sum::<u32>() > MOST_ASKED {
+            return false;
+        }
         let on_target = |face: &Face| face.touches(target) && !face.touches(position);
-        !self.ring.neighbours.iter().filter(|n| n.position != target).any(|n| {
+        !others().any(|n| {
             mesh.faces(n.position).filter(on_target).any(|face| {
                 let [a, b] = face.positions;
                 self.breaks(Face { positions: [n.position, if a == target { b } else { a }], ..face }, target)

@@ -132,6 +132,14 @@ impl CornerMesh {
         })
     }
 
+    /// The positions of all live triangles.
+    pub fn live(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
+        self.triangles
+            .iter()
+            .map(|t| [t.positions[0], t.positions[1], t.positions[2]])
+            .filter(|t| t[0] != NONE)
+    }
+
     /// The witness of a triangle, [`NONE`] if it has none.
     pub fn witness(&mut self, triangle: u32) -> &mut u32 {
         &mut self.triangles[triangle as usize].positions[3]

@@ -36,6 +36,10 @@ pub(crate) use evaluate::FLIP_LIMIT;
 const SAGITTA: f32 = 0.5;
 /// Searches for what is left beside a piece that has gone look at so many positions for each of the mesh.
 const SEARCHES: usize = 16;
+/// A distance that is more than so many times the error so far is looked into.
+const LEAP: f32 = 1.3;
+/// So often, all that is left of a mesh is looked at.
+const LOOKS: usize = 48;
 /// A step is taken unless another may cost less than this share of it: closer than that, looking twice is worth
 /// nothing.
 const SLACK: f32 = 0.8;
@@ -171,6 +175,8 @@ struct Simplifier<'a> {
     slid: Vec<f32>,
     /// How many positions may yet be looked at in search of what is left beside a piece that has gone.
     searches: usize,
+    /// How often all that is left may yet be looked at.
+    looks: usize,
     error: f32,
     grid_steps: f32,
     order: CollapseOrder,
@@ -190,6 +196,7 @@ impl<'a> Simplifier<'a> {
             drift: Drift::default(),
             slid: vec![0.0; positions],
             searches: SEARCHES * positions,
+            looks: LOOKS,
             error: 0.0,
             grid_steps,
             order: CollapseOrder::default(),
@@ -252,12 +259,11 @@ impl<'a> Simplifier<'a> {
     /// Collapses a position, whose ring the evaluator has just looked at, onto a neighbour.
     fn collapse(&mut self, position: u32, target: u32, phase: Phase) {
         let offset = self.evaluator.ring.point(target) - self.evaluator.ring.origin;
-        let carried =
+        let (carried, witness) =
             self.drift.carry(&mut self.mesh, &self.evaluator.ring, position, target, offset, self.error);
         let slid = self.slid[position as usize] + SAGITTA * self.evaluator.ring.slide(offset);
         self.slid[target as usize] = self.slid[target as usize].max(slid);
-        let carried = carried.max(slid);
-        self.error = Drift::bow(&self.evaluator.ring, target, offset, self.error.max(carried));
+        let bowed = Drift::bow(&self.evaluator.ring, target, offset, self.error.max(slid));
         self.evaluator.map_wedges(&self.mesh, &self.setting, target);
         for i in 0..self.evaluator.mapping.len() {
             let (from, to) = self.evaluator.mapping[i];
@@ -265,9 +271,12 @@ impl<'a> Simplifier<'a> {
         }
         self.move_faces(target);
         self.mesh.drop_list(position);
-        if self.mesh.valence(target) == 0 {
-            self.error = self.error.max(self.distance_to_rest(&[position, target]));
-        }
+        let carried = if self.mesh.valence(target) == 0 {
+            self.distance_to_rest(&[position, target])
+        } else {
+            self.settled(carried, witness)
+        };
+        self.error = bowed.max(carried);
         self.remove_unused_wedges();
         self.close_group(phase);
         self.look_again(target);
@@ -386,11 +395,25 @@ impl<'a> Simplifier<'a> {
             .collect();
         let from =
             |point: Vec3| triangles.iter().map(move |&t| squared_distance(point, t)).min_by(f32::total_cmp);
-        let farthest = gone
-            .iter()
-            .filter_map(|&position| from(self.evaluator.ring.point(position)))
-            .max_by(f32::total_cmp);
-        farthest.map_or(0.5 * self.evaluator.piece_size(gone), f32::sqrt)
+        let points = gone.iter().map(|&position| self.evaluator.ring.point(position));
+        let farthest =
+            points.filter_map(|point| Some((from(point)?, point))).max_by(|a, b| a.0.total_cmp(&b.0));
+        match farthest {
+            Some((distance, point)) => self.settled(distance.sqrt(), point),
+            None => 0.5 * self.evaluator.piece_size(gone),
+        }
+    }
+
+    /// The distance from a point to what is left, of which only a part has been looked at. Where that would make the
+    /// error much larger, all of it is looked at; a few dozen times for a mesh, since each time but a few it does.
+    fn settled(&mut self, distance: f32, point: Vec3) -> f32 {
+        if distance <= LEAP * self.error || self.looks == 0 {
+            return distance;
+        }
+        self.looks -= 1;
+        let point_of = |position| self.evaluator.ring.point(position);
+        let distances = self.mesh.live().map(|t| squared_distance(point, t.map(point_of)));
+        distances.min_by(f32::total_cmp).map_or(distance, |least| least.sqrt().min(distance))
     }
 
     /// The next position in the order of the mesh, up or down, that has a triangle left.

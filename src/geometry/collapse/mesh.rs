@@ -132,12 +132,15 @@ impl CornerMesh {
         })
     }
 
-    /// The positions of all live triangles.
-    pub fn live(&self) -> impl Iterator<Item = [u32; 3]> + '_ {
-        self.triangles
-            .iter()
-            .map(|t| [t.positions[0], t.positions[1], t.positions[2]])
-            .filter(|t| t[0] != NONE)
+    /// Drops the dead from a list of triangles.
+    pub fn drop_dead(&self, triangles: &mut Vec<u32>) {
+        triangles.retain(|&triangle| self.triangles[triangle as usize].positions[0] != NONE);
+    }
+
+    /// The positions of a live triangle's corners.
+    pub fn positions_of(&self, triangle: u32) -> [u32; 3] {
+        let [a, b, c, _] = self.triangles[triangle as usize].positions;
+        [a, b, c]
     }
 
     /// The witness of a triangle, [`NONE`] if it has none.

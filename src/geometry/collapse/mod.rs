@@ -38,8 +38,10 @@ const SAGITTA: f32 = 0.5;
 const SEARCHES: usize = 16;
 /// A distance that is more than so many times the error so far is looked into.
 const LEAP: f32 = 1.3;
-/// So often, all that is left of a mesh is looked at.
-const LOOKS: usize = 48;
+/// Searches for the triangle nearest to a point look at so many for each of the mesh.
+const LOOKS: usize = 40;
+/// What is kept of them for later, for each triangle that is left.
+const LATER_LOOKS: usize = 24;
 /// A step is taken unless another may cost less than this share of it: closer than that, looking twice is worth
 /// nothing.
 const SLACK: f32 = 0.8;
@@ -175,8 +177,10 @@ struct Simplifier<'a> {
     slid: Vec<f32>,
     /// How many positions may yet be looked at in search of what is left beside a piece that has gone.
     searches: usize,
-    /// How often all that is left may yet be looked at.
+    /// How many triangles may yet be looked at in search of the one nearest to a point.
     looks: usize,
+    /// The triangles that were alive at the last such search.
+    left: Vec<u32>,
     error: f32,
     grid_steps: f32,
     order: CollapseOrder,
@@ -196,7 +200,8 @@ impl<'a> Simplifier<'a> {
             drift: Drift::default(),
             slid: vec![0.0; positions],
             searches: SEARCHES * positions,
-            looks: LOOKS,
+            looks: LOOKS * welded.triangles.len(),
+            left: (0..welded.triangles.len() as u32).collect(),
             error: 0.0,
             grid_steps,
             order: CollapseOrder::default(),
@@ -405,14 +410,16 @@ impl<'a> Simplifier<'a> {
     }
 
     /// The distance from a point to what is left, of which only a part has been looked at. Where that would make the
-    /// error much larger, all of it is looked at; a few dozen times for a mesh, since each time but a few it does.
+    /// error much larger, all of it is looked at, as far as [`LOOKS`] goes.
     fn settled(&mut self, distance: f32, point: Vec3) -> f32 {
-        if distance <= LEAP * self.error || self.looks == 0 {
+        if distance <= LEAP * self.error || self.looks < LATER_LOOKS * self.mesh.live_triangles {
             return distance;
         }
-        self.looks -= 1;
+        self.mesh.drop_dead(&mut self.left);
+        self.looks -= self.left.len();
         let point_of = |position| self.evaluator.ring.point(position);
-        let distances = self.mesh.live().map(|t| squared_distance(point, t.map(point_of)));
+        let triangles = self.left.iter().map(|&triangle| self.mesh.positions_of(triangle).map(point_of));
+        let distances = triangles.map(|triangle| squared_distance(point, triangle));
         distances.min_by(f32::total_cmp).map_or(distance, |least| least.sqrt().min(distance))
     }
 

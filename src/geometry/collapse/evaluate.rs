@@ -89,8 +89,8 @@ pub(super) struct Evaluator {
 }
 
 impl Evaluator {
-    pub fn new(places: Vec<Place>) -> Self {
-        Self { ring: Ring::new(places), by_cost: Vec::new(), piece: Vec::new(), mapping: Vec::new() }
+    pub fn new(places: Vec<Place>, tags: Vec<u32>) -> Self {
+        Self { ring: Ring::new(places, tags), by_cost: Vec::new(), piece: Vec::new(), mapping: Vec::new() }
     }
 
     /// A lower bound of the cost of the best step for a position, without a look at the guards; `None` if there is no

@@ -22,7 +22,7 @@ mod ring;
 use glam::Vec3;
 
 use super::adjacency::position_edges;
-use super::record::Stall;
+use super::record::{Attributes, Stall, VertexRecord};
 use super::weld::WeldedMesh;
 use drift::{Drift, squared_distance};
 use evaluate::{Action, Candidate, Evaluator, HUB, LARGEST_PIECE, Setting};
@@ -148,6 +148,12 @@ fn with_open_positions(mesh: &WeldedMesh, locked: &[bool]) -> Vec<bool> {
     locked
 }
 
+/// The colour or material of every wedge; empty if wedges have none.
+fn tags_of(mesh: &WeldedMesh) -> Vec<u32> {
+    let tag = |wedge: &VertexRecord| mesh.attributes.tag(wedge.attributes());
+    if mesh.attributes == Attributes::Normal { Vec::new() } else { mesh.wedges.iter().map(tag).collect() }
+}
+
 /// Positions centred and scaled to unit size, and how many grid steps a unit is.
 fn local_places(mesh: &WeldedMesh) -> (Vec<Place>, f32) {
     let mut low = [u32::MAX; 3];
@@ -194,7 +200,7 @@ impl<'a> Simplifier<'a> {
     fn new(welded: &'a WeldedMesh, setting: Setting<'a>, places: Vec<Place>, grid_steps: f32) -> Self {
         let mesh = CornerMesh::new(welded);
         let positions = mesh.position_count();
-        let evaluator = Evaluator::new(places);
+        let evaluator = Evaluator::new(places, tags_of(welded));
         Self {
             queue: BucketQueue::new(positions),
             drift: Drift::default(),

@@ -54,6 +54,8 @@ pub(super) struct Neighbour {
     pub crease: bool,
     /// The target for which this was last found to lie across a triangle on the edge to it.
     pub across: u32,
+    /// Whether these differ in colour or material.
+    tint: bool,
     /// The wedge that the first of them names.
     wedge: u32,
     /// The first and last triangle on the edge: twice its number in the ring, and one more where the neighbour is its
@@ -64,6 +66,8 @@ pub(super) struct Neighbour {
 /// The ring, reused from position to position.
 pub(super) struct Ring {
     pub places: Vec<Place>,
+    /// What each wedge has of colour or material; empty where no wedge has any.
+    tags: Vec<u32>,
     pub faces: Vec<RingFace>,
     pub neighbours: Vec<Neighbour>,
     /// Marks from here on belong to the current ring.
@@ -79,9 +83,10 @@ pub(super) struct Ring {
 }
 
 impl Ring {
-    pub fn new(places: Vec<Place>) -> Self {
+    pub fn new(places: Vec<Place>, tags: Vec<u32>) -> Self {
         Self {
             places,
+            tags,
             faces: Vec::new(),
             neighbours: Vec::new(),
             first_mark: 1,
@@ -133,7 +138,11 @@ impl Ring {
         if place.mark >= self.first_mark {
             let neighbour = &mut self.neighbours[(place.mark - self.first_mark) as usize];
             neighbour.faces += 1;
-            neighbour.crease |= neighbour.wedge != wedge;
+            if neighbour.wedge != wedge {
+                neighbour.crease = true;
+                let tag = |wedge: u32| self.tags.get(wedge as usize);
+                neighbour.tint |= tag(neighbour.wedge) != tag(wedge);
+            }
             neighbour.sides[1] = side;
             return neighbour.offset;
         }
@@ -144,6 +153,7 @@ impl Ring {
             offset,
             faces: 1,
             crease: false,
+            tint: false,
             across: super::mesh::NONE,
             wedge,
             sides: [side; 2],
@@ -200,6 +210,11 @@ impl Ring {
     fn bounding_plane(&self, neighbour: &Neighbour) -> Option<(Vec3, f32)> {
         if neighbour.faces == 2 && !neighbour.crease && !self.folds(neighbour) {
             return None;
+        }
+        if neighbour.tint && neighbour.faces == 2 {
+            // Seen as clearly as an open edge, however smoothly the surface goes on.
+            let side = neighbour.sides[0];
+            return Some((self.faces[side as usize / 2].outwards(side & 1 == 0), BOUNDARY_WEIGHT));
         }
         let conormal = self.conormal(neighbour);
         let length = conormal.length();

@@ -2,7 +2,7 @@
 //!
 //! Cells keep the positions that they share, so that they meet without cracks at any mix of levels; alone, these
 //! borders would set a floor to how coarse a large part can become, and spoil what is near it. So neighbouring cells
-//! are joined, each at a state of about the same error, into a *parent cell*, in which the borders between them are
+//! are joined, each at a state of about the same cost, into a *parent cell*, in which the borders between them are
 //! ordinary edges, and which is ordered like any other; only what it shares with cells outside stays locked. The children
 //! end at the states that were joined. Parents have parents, up to one root where that is possible. Of a path from a root
 //! to a leaf cell exactly one cell is drawn, and any such choice meets without cracks: a shared position is free only
@@ -169,7 +169,8 @@ fn join_groups(nodes: &mut Vec<Node>, groups: &[Vec<usize>], joining: Joining<'_
     roots
 }
 
-/// Ends some nodes at states of the same error, as fine as their parent has room for.
+/// Ends some nodes at states of the same cost, as fine as their parent has room for. Not of the same error: that is a
+/// maximum, which one bad place decides.
 fn end_where_joined(nodes: &mut [Node], group: &[usize], max_vertices: usize) {
     let sum = |count: fn(&OrderedMesh) -> usize| {
         group.iter().map(|&node| count(&nodes[node].ordered)).sum::<usize>()
@@ -177,8 +178,8 @@ fn end_where_joined(nodes: &mut [Node], group: &[usize], max_vertices: usize) {
     let locked = sum(|mesh| mesh.locked as usize);
     let free = sum(|mesh| mesh.vertices.len()) - locked;
     let room = (locked as f64 + free as f64 * LARGEST_SHARE).min(max_vertices as f64) as u64;
-    let fits = |error: f32| {
-        let states = || group.iter().map(|&node| (&nodes[node], nodes[node].state_of_error(error)));
+    let fits = |cost: f32| {
+        let states = || group.iter().map(|&node| (&nodes[node], nodes[node].state_of_cost(cost)));
         let vertices: u64 = states().map(|(_, vn)| u64::from(vn)).sum();
         let triangles: u64 =
             states().map(|(node, vn)| u64::from(node.ordered.triangles_at.count_at(vn as usize))).sum();
@@ -191,16 +192,16 @@ fn end_where_joined(nodes: &mut [Node], group: &[usize], max_vertices: usize) {
         if fits(f32::from_bits(middle)) { high = middle } else { low = middle + 1 }
     }
     for &node in group {
-        let vn = nodes[node].state_of_error(f32::from_bits(low));
+        let vn = nodes[node].state_of_cost(f32::from_bits(low));
         nodes[node].ordered.end_at(vn);
     }
 }
 
 impl Node {
-    /// The coarsest state with at most this error in grid steps; the finest if all have more.
-    fn state_of_error(&self, error: f32) -> u32 {
-        let states = &self.ordered.state_errors;
-        let after = states.partition_point(|&(_, own)| self.error + own <= error);
+    /// The coarsest state that no step of a higher cost led to.
+    fn state_of_cost(&self, cost: f32) -> u32 {
+        let states = &self.ordered.state_costs;
+        let after = states.partition_point(|&(_, own)| own <= cost);
         states[after.saturating_sub(1)].0
     }
 

@@ -3,7 +3,7 @@
 //! The wedge that is removed first gets the last index. `ecol` is the sequence in those indices, `triangles_at` counts
 //! what each vertex brings back.
 
-use super::collapse::{CollapseOrder, Target};
+use super::collapse::{CollapseOrder, Group, Target};
 use super::record::VertexRecord;
 use super::triangles_at::TrianglesAt;
 use super::weld::WeldedMesh;
@@ -27,6 +27,8 @@ pub struct OrderedMesh {
     pub locked: u32,
     /// The states that collapses end in, finest first, as (vertex count, error in grid steps).
     pub state_errors: Vec<(u32, f32)>,
+    /// The same states with the greatest cost of a step so far, an area times a squared distance in grid steps.
+    pub state_costs: Vec<(u32, f32)>,
 }
 
 /// Re-arranges a mesh by its collapse order.
@@ -59,7 +61,8 @@ pub fn arrange(mesh: &WeldedMesh, order: &CollapseOrder) -> OrderedMesh {
         triangles,
         triangles_at: triangles_at(mesh, order, locked),
         locked: locked as u32,
-        state_errors: state_errors(mesh.wedges.len(), order),
+        state_errors: states(mesh.wedges.len(), order, |group| group.error),
+        state_costs: states(mesh.wedges.len(), order, |group| group.cost),
     }
 }
 
@@ -95,9 +98,10 @@ fn push_group(added: &mut Vec<Option<u32>>, vertices: usize, triangles: u32) {
     }
 }
 
-fn state_errors(vertices: usize, order: &CollapseOrder) -> Vec<(u32, f32)> {
+/// Something of every state, finest first, with its vertex count.
+fn states(vertices: usize, order: &CollapseOrder, of: fn(&Group) -> f32) -> Vec<(u32, f32)> {
     let whole = (vertices as u32, 0.0);
-    let after = order.groups.iter().map(|group| ((vertices - group.moves_end) as u32, group.error));
+    let after = order.groups.iter().map(|group| ((vertices - group.moves_end) as u32, of(group)));
     std::iter::once(whole).chain(after).collect()
 }
 
@@ -115,6 +119,7 @@ impl OrderedMesh {
         self.locked = vn;
         self.ecol[..vn as usize].iter_mut().zip(0..).for_each(|(target, vertex)| *target = vertex);
         self.state_errors.retain(|&(count, _)| count >= vn);
+        self.state_costs.retain(|&(count, _)| count >= vn);
     }
 
     /// Walks `ecol` until below `vn` (the paper's Algorithm 4, Collapsing).

@@ -105,6 +105,9 @@ pub struct Group {
     pub removed_end: usize,
     /// Geometric error of the mesh after the step, in grid steps; never less than that of the step before.
     pub error: f32,
+    /// The greatest cost of a step so far, an area times a squared distance, in grid steps: what meshes on one grid can
+    /// be compared by.
+    pub cost: f32,
     /// Which guards held.
     pub phase: Phase,
 }
@@ -188,6 +191,7 @@ struct Simplifier<'a> {
     /// The triangles that were alive at the last such search.
     left: Vec<u32>,
     error: f32,
+    cost: f32,
     grid_steps: f32,
     order: CollapseOrder,
     wedge_gone: Vec<bool>,
@@ -209,6 +213,7 @@ impl<'a> Simplifier<'a> {
             looks: LOOKS * welded.triangles.len(),
             left: (0..welded.triangles.len() as u32).collect(),
             error: 0.0,
+            cost: 0.0,
             grid_steps,
             order: CollapseOrder::default(),
             wedge_gone: vec![false; welded.wedges.len()],
@@ -243,6 +248,7 @@ impl<'a> Simplifier<'a> {
                 self.queue.set(position, best.cost);
                 continue;
             }
+            self.cost = self.cost.max(best.cost);
             match best.action {
                 Action::Collapse(target) => self.collapse(position, target, best.phase),
                 Action::Vanish => {
@@ -332,6 +338,7 @@ impl<'a> Simplifier<'a> {
             moves_end: self.order.moves.len(),
             removed_end: self.order.removed.len(),
             error: self.error * self.grid_steps,
+            cost: self.cost * self.grid_steps.powi(4),
             phase,
         });
     }

@@ -39,7 +39,8 @@ pub struct RatioRow {
     pub normal_ratio: Option<f64>,
     /// The greatest error that the container states for a part; `None` if it states none for some part.
     pub stated_max: Option<f64>,
-    /// Of all parts the greatest quotient of measured maximum and stated error; `None` if none can be formed.
+    /// Of all parts the greatest quotient of measured maximum and stated error, each at least a millionth of the part's
+    /// diagonal; `None` if none can be formed.
     pub measured_over_stated: Option<f64>,
     /// Of all parts the greatest quotient of stated error and measured maximum; `None` if none can be formed.
     pub stated_over_measured: Option<f64>,
@@ -120,7 +121,10 @@ impl RatioRow {
         let meshoptimizer = if ran { pool(|measured| measured.meshoptimizer) } else { None };
         let stated = || compared.iter().map(|part| part.at[nth].stated);
         let pairs = || {
-            compared.iter().filter_map(|part| Some((part.at[nth].ours.error?.max(), part.at[nth].stated?)))
+            compared.iter().filter_map(|part| {
+                let least = part.diagonal * PRECISION;
+                Some((part.at[nth].ours.error?.max().max(least), part.at[nth].stated?.max(least)))
+            })
         };
         let worst = |quotients: &mut dyn Iterator<Item = Option<f64>>| quotients.flatten().reduce(f64::max);
         Self {
@@ -137,6 +141,9 @@ impl RatioRow {
         }
     }
 }
+
+/// Lengths below this share of a part's diagonal are below the step of its grid, and count as one.
+const PRECISION: f64 = 1e-6;
 
 /// `None` where it means nothing.
 fn quotient(a: f64, b: f64) -> Option<f64> {

@@ -28,7 +28,7 @@ use super::{Failure, interrupt, output, values};
     Lengths are in the unit of the parts' own spaces, and in millionths of the diagonal of the largest part's box. \
     With --csv, standard output has one line per ratio and part; with --json, one object with the pooled figures.")]
 pub struct CompareArguments {
-    /// The model that was baked: .obj, .gltf, .glb.
+    /// The model that was baked: .obj, .gltf, .glb, .ply, .stl, or one of these packed as .zst or .gz.
     original: PathBuf,
     /// The container that was baked of it.
     file: PathBuf,

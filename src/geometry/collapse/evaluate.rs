@@ -82,6 +82,8 @@ impl Setting<'_> {
 pub(super) struct Evaluator {
     pub ring: Ring,
     by_cost: Vec<(f32, u32)>,
+    /// Per position, the last answer of [`Evaluator::best`] that was a collapse, and the stamp of its ring then.
+    known: Vec<Option<((u32, u32), Candidate)>>,
     /// Positions of the piece that [`Action::Vanish`] is about.
     pub piece: Vec<u32>,
     /// From wedges of the position to wedges of the target, filled by [`Evaluator::map_wedges`].
@@ -90,7 +92,13 @@ pub(super) struct Evaluator {
 
 impl Evaluator {
     pub fn new(places: Vec<Place>, tags: Vec<u32>) -> Self {
-        Self { ring: Ring::new(places, tags), by_cost: Vec::new(), piece: Vec::new(), mapping: Vec::new() }
+        Self {
+            known: vec![None; places.len()],
+            ring: Ring::new(places, tags),
+            by_cost: Vec::new(),
+            piece: Vec::new(),
+            mapping: Vec::new(),
+        }
     }
 
     /// A lower bound of the cost of the best step for a position, without a look at the guards; `None` if there is no
@@ -121,6 +129,9 @@ impl Evaluator {
         if self.ring.faces.is_empty() {
             return Err(Stall::None);
         }
+        if let Some(known) = self.known_best(mesh, position) {
+            return Ok(known);
+        }
         self.rank_targets();
         let junction = self.ring.chain.is_none();
         let (mut best, mut turning): (Option<Candidate>, Option<Candidate>) = (None, None);
@@ -137,7 +148,17 @@ impl Evaluator {
                 *rival = Some(candidate);
             }
         }
-        best.or(turning).or_else(|| self.vanishing(mesh, setting, position)).ok_or(Stall::NonManifold)
+        let best = best.or(turning);
+        self.known[position as usize] = best.map(|best| (self.ring.stamp, best));
+        best.or_else(|| self.vanishing(mesh, setting, position)).ok_or(Stall::NonManifold)
+    }
+
+    /// The answer of last time, if nothing has changed that it depends on.
+    fn known_best(&self, mesh: &CornerMesh, position: u32) -> Option<Candidate> {
+        let (_, best) = self.known[position as usize].filter(|known| known.0 == self.ring.stamp)?;
+        let Action::Collapse(target) = best.action else { return None };
+        let slot = self.ring.slot(target)?;
+        ((self.ring.neighbours[slot].faces as usize) < mesh.live_triangles).then_some(best)
     }
 
     /// Moves the cheapest of the targets from the `i`-th on to place `i`.

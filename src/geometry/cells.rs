@@ -111,8 +111,11 @@ struct Cut {
 impl Slabs {
     /// `None` if all centroids have the same coordinate.
     fn of(mesh: &WeldedMesh, piece: &[u32], axis: usize) -> Option<Self> {
-        let centroids = || piece.iter().map(|&triangle| centroid(mesh, triangle, axis));
-        let (low, high) = (centroids().min()?, centroids().max()?);
+        let centroids = piece.iter().map(|&triangle| centroid(mesh, triangle, axis));
+        let (low, high) = centroids.fold((u32::MAX, 0), |(low, high), at| (low.min(at), high.max(at)));
+        if low >= high {
+            return None;
+        }
         let width = (high - low) / SLABS as u32 + 1;
         let mut slabs = Self { axis, low, width, centroids: [0; SLABS], reaching: [0; SLABS + 1] };
         for &triangle in piece {
@@ -123,7 +126,7 @@ impl Slabs {
             slabs.reaching[slabs.slab(least) + 1] += 1;
             slabs.reaching[slabs.slab(greatest) + 1] -= 1;
         }
-        (low < high).then_some(slabs)
+        Some(slabs)
     }
 
     fn slab(&self, at: u32) -> usize {

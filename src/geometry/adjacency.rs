@@ -25,48 +25,83 @@ impl PositionEdge {
     }
 }
 
-/// One triangle's side of an edge: position ends (smaller first), wedges at those ends, triangle and edge number.
-type Side = ([u32; 2], [u32; 2], u32);
+/// Sides of edges, sorted by the ends of these.
+struct Sides<'a> {
+    wedge_position: &'a [u32],
+    triangles: &'a [[u32; 3]],
+    /// Where the sides of each smaller end start among `far`.
+    starts: Vec<u32>,
+    /// The larger end in the upper half, in the lower half the edge `3 t + k`, from corner `k` of triangle `t`.
+    far: Vec<u64>,
+}
 
-fn sides(wedge_position: &[u32], triangles: &[[u32; 3]]) -> Vec<Side> {
-    let mut sides = Vec::with_capacity(3 * triangles.len());
-    for (t, triangle) in triangles.iter().enumerate() {
-        for k in 0..3 {
-            let wedges = [triangle[k], triangle[(k + 1) % 3]];
-            let ends = wedges.map(|wedge| wedge_position[wedge as usize]);
-            let side = if ends[0] <= ends[1] {
-                (ends, wedges)
-            } else {
-                ([ends[1], ends[0]], [wedges[1], wedges[0]])
-            };
-            sides.push((side.0, side.1, (3 * t + k) as u32));
+impl<'a> Sides<'a> {
+    fn of(wedge_position: &'a [u32], triangles: &'a [[u32; 3]]) -> Self {
+        let mut sides = Self { wedge_position, triangles, starts: Vec::new(), far: Vec::new() };
+        let edges = 0..3 * triangles.len() as u32;
+        let positions = wedge_position.iter().max().map_or(0, |&last| last as usize + 1);
+        // Counting sort by the smaller end. Two entries ahead, so that placing leaves each start where it belongs.
+        let mut starts = vec![0u32; positions + 2];
+        for edge in edges.clone() {
+            starts[sides.side(edge).0[0] as usize + 2] += 1;
+        }
+        for i in 2..starts.len() {
+            starts[i] += starts[i - 1];
+        }
+        sides.far = vec![0; 3 * triangles.len()];
+        for edge in edges {
+            let [near, far] = sides.side(edge).0;
+            let place = &mut starts[near as usize + 1];
+            sides.far[*place as usize] = u64::from(far) << 32 | u64::from(edge);
+            *place += 1;
+        }
+        for near in 0..positions {
+            sides.far[starts[near] as usize..starts[near + 1] as usize].sort_unstable();
+        }
+        sides.starts = starts;
+        sides
+    }
+
+    /// The position ends of an edge's side, the smaller first, and the wedges there.
+    fn side(&self, edge: u32) -> ([u32; 2], [u32; 2]) {
+        let (triangle, k) = (self.triangles[edge as usize / 3], edge as usize % 3);
+        let wedges = [triangle[k], triangle[if k == 2 { 0 } else { k + 1 }]];
+        let ends = wedges.map(|wedge| self.wedge_position[wedge as usize]);
+        if ends[0] <= ends[1] { (ends, wedges) } else { ([ends[1], ends[0]], [wedges[1], wedges[0]]) }
+    }
+
+    /// Hands each edge once, in the order of its ends, with all its sides as edges of triangles.
+    fn for_each(&self, mut take: impl FnMut(PositionEdge, &[u64])) {
+        for (near, range) in self.starts.windows(2).enumerate() {
+            let sides = self.far.get(range[0] as usize..range[1] as usize).unwrap_or(&[]);
+            for group in sides.chunk_by(|a, b| a >> 32 == b >> 32) {
+                let first = self.side(group[0] as u32).1;
+                let edge = PositionEdge {
+                    ends: [near as u32, (group[0] >> 32) as u32],
+                    faces: group.len() as u32,
+                    crease: group[1..].iter().any(|&side| self.side(side as u32).1 != first),
+                };
+                take(edge, group);
+            }
         }
     }
-    sides.sort_unstable();
-    sides
 }
 
 /// Every edge of a mesh once, in the order of its ends.
 pub fn position_edges(mesh: &WeldedMesh) -> Vec<PositionEdge> {
-    sides(&mesh.wedge_position, &mesh.triangles)
-        .chunk_by(|a, b| a.0 == b.0)
-        .map(|group| PositionEdge {
-            ends: group[0].0,
-            faces: group.len() as u32,
-            crease: group.iter().any(|side| side.1 != group[0].1),
-        })
-        .collect()
+    let mut edges = Vec::with_capacity(3 * mesh.triangles.len() / 2);
+    Sides::of(&mesh.wedge_position, &mesh.triangles).for_each(|edge, _| edges.push(edge));
+    edges
 }
 
 /// For every edge `3 t + k` of a triangle list, from corner `k` to the next: whether it is open, whether it is a crease.
 pub(super) fn edge_features(wedge_position: &[u32], triangles: &[[u32; 3]]) -> Vec<(bool, bool)> {
     let mut features = vec![(false, false); 3 * triangles.len()];
-    for group in sides(wedge_position, triangles).chunk_by(|a, b| a.0 == b.0) {
-        let crease = group.iter().any(|side| side.1 != group[0].1);
-        for side in group {
-            features[side.2 as usize] = (group.len() == 1, crease);
+    Sides::of(wedge_position, triangles).for_each(|edge, sides| {
+        for &side in sides {
+            features[side as u32 as usize] = (edge.is_open(), edge.crease);
         }
-    }
+    });
     features
 }
 

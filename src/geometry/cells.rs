@@ -34,9 +34,13 @@ pub fn cut_to(mesh: WeldedMesh, max_vertices: usize, max_triangles: usize) -> Ve
         return Vec::new();
     }
     let mut pieces = Vec::new();
+    let mut last_count = vec![0; mesh.wedges.len()];
+    let mut counts = 0;
     let mut stack = vec![(0..mesh.triangles.len() as u32).collect::<Vec<u32>>()];
     while let Some(mut piece) = stack.pop() {
-        let fits = piece.len() <= max_triangles && wedge_count(&mesh, &piece) <= max_vertices;
+        counts += 1;
+        let fits = piece.len() <= max_triangles
+            && wedge_count(&mesh, &piece, &mut last_count, counts) <= max_vertices;
         if fits || piece.len() == 1 {
             pieces.push(piece);
             continue;
@@ -46,14 +50,14 @@ pub fn cut_to(mesh: WeldedMesh, max_vertices: usize, max_triangles: usize) -> Ve
         stack.push(piece);
     }
     let owners = owner_counts(&mesh, &pieces);
-    pieces.into_iter().map(|piece| cell(&mesh, piece, &owners)).collect()
+    let mut local = last_count;
+    pieces.into_iter().map(|piece| cell(&mesh, piece, &owners, &mut local)).collect()
 }
 
-fn wedge_count(mesh: &WeldedMesh, piece: &[u32]) -> usize {
-    let mut wedges: Vec<u32> = piece.iter().flat_map(|&t| mesh.triangles[t as usize]).collect();
-    wedges.sort_unstable();
-    wedges.dedup();
-    wedges.len()
+/// How many wedges a piece has; `last_count` is the number of the last count that each wedge was in, `this` of this one.
+fn wedge_count(mesh: &WeldedMesh, piece: &[u32], last_count: &mut [u32], this: u32) -> usize {
+    let wedges = piece.iter().flat_map(|&t| mesh.triangles[t as usize]);
+    wedges.filter(|&wedge| std::mem::replace(&mut last_count[wedge as usize], this) != this).count()
 }
 
 /// Keeps the lower half of a piece and returns the upper.
@@ -107,8 +111,11 @@ struct Cut {
 impl Slabs {
     /// `None` if all centroids have the same coordinate.
     fn of(mesh: &WeldedMesh, piece: &[u32], axis: usize) -> Option<Self> {
-        let centroids = || piece.iter().map(|&triangle| centroid(mesh, triangle, axis));
-        let (low, high) = (centroids().min()?, centroids().max()?);
+        let centroids = piece.iter().map(|&triangle| centroid(mesh, triangle, axis));
+        let (low, high) = centroids.fold((u32::MAX, 0), |(low, high), at| (low.min(at), high.max(at)));
+        if low >= high {
+            return None;
+        }
         let width = (high - low) / SLABS as u32 + 1;
         let mut slabs = Self { axis, low, width, centroids: [0; SLABS], reaching: [0; SLABS + 1] };
         for &triangle in piece {
@@ -119,7 +126,7 @@ impl Slabs {
             slabs.reaching[slabs.slab(least) + 1] += 1;
             slabs.reaching[slabs.slab(greatest) + 1] -= 1;
         }
-        (low < high).then_some(slabs)
+        Some(slabs)
     }
 
     fn slab(&self, at: u32) -> usize {
@@ -163,10 +170,14 @@ fn owner_counts(mesh: &WeldedMesh, pieces: &[Vec<u32>]) -> Vec<u32> {
     owners
 }
 
-fn cell(mesh: &WeldedMesh, piece: Vec<u32>, owners: &[u32]) -> Cell {
-    let mut wedges: Vec<u32> = piece.iter().flat_map(|&t| mesh.triangles[t as usize]).collect();
+/// The cell of a piece; `local` has an entry for each wedge, whatever it is.
+fn cell(mesh: &WeldedMesh, piece: Vec<u32>, owners: &[u32], local: &mut [u32]) -> Cell {
+    let all = || piece.iter().flat_map(|&t| mesh.triangles[t as usize]);
+    all().for_each(|wedge| local[wedge as usize] = u32::MAX);
+    let first = |&wedge: &u32| std::mem::replace(&mut local[wedge as usize], 0) == u32::MAX;
+    let mut wedges: Vec<u32> = all().filter(first).collect();
     wedges.sort_unstable();
-    wedges.dedup();
+    wedges.iter().zip(0..).for_each(|(&wedge, number)| local[wedge as usize] = number);
     let mut cell = WeldedMesh { attributes: mesh.attributes, ..WeldedMesh::default() };
     let mut locked = Vec::new();
     let mut last = None;
@@ -180,7 +191,7 @@ fn cell(mesh: &WeldedMesh, piece: Vec<u32>, owners: &[u32]) -> Cell {
         cell.wedges.push(mesh.wedges[wedge as usize]);
         cell.wedge_position.push(cell.positions.len() as u32 - 1);
     }
-    let local = |wedge: u32| wedges.partition_point(|&w| w < wedge) as u32;
-    cell.triangles = piece.iter().map(|&t| mesh.triangles[t as usize].map(local)).collect();
+    cell.triangles =
+        piece.iter().map(|&t| mesh.triangles[t as usize].map(|wedge| local[wedge as usize])).collect();
     Cell { mesh: cell, locked }
 }

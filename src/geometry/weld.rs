@@ -8,8 +8,6 @@
 //! in Morton order and triangles in the order of their least position, because everything after this walks the mesh
 //! along its surface.
 
-use rustc_hash::FxHashSet;
-
 use super::quantize::{encode_coloured, encode_normal, encode_slotted};
 use super::record::{Attributes, Grid, VertexRecord};
 use crate::import::SourceMesh;
@@ -197,25 +195,25 @@ impl WeldedMesh {
     }
 
     fn add_triangles(&mut self, triangles: &[[u32; 3]], wedge_of: &[u32]) {
+        let wedges = |triangle: [u32; 3]| triangle.map(|vertex| wedge_of[vertex as usize]);
+        // The positions of the corners in order, and the number of the triangle, so that the first of equals is kept.
         let mut keyed = Vec::with_capacity(triangles.len());
-        let mut seen = FxHashSet::with_capacity_and_hasher(triangles.len(), Default::default());
-        for triangle in triangles {
-            let wedges = triangle.map(|vertex| wedge_of[vertex as usize]);
-            let [a, b, c] = self.corner_positions(wedges);
+        for (number, &triangle) in triangles.iter().enumerate() {
+            let [a, b, c] = self.corner_positions(wedges(triangle));
             if a == b || b == c || c == a {
                 self.degenerate += 1;
                 continue;
             }
             let mut corners = [a, b, c];
             corners.sort_unstable();
-            if seen.insert(corners) {
-                keyed.push((corners, wedges));
-            } else {
-                self.duplicate += 1;
-            }
+            let [a, b, c] = corners.map(u128::from);
+            keyed.push(a << 96 | b << 64 | c << 32 | number as u128);
         }
         keyed.sort_unstable();
-        self.triangles = keyed.into_iter().map(|(_, wedges)| wedges).collect();
+        let all = keyed.len();
+        keyed.dedup_by_key(|key| *key >> 32);
+        self.duplicate += all - keyed.len();
+        self.triangles = keyed.into_iter().map(|key| wedges(triangles[key as u32 as usize])).collect();
     }
 
     /// Drops wedges and positions that only dropped triangles used.

@@ -54,13 +54,13 @@ impl Drift {
             farthest: least,
             witness: NONE,
         }));
-        let mut farthest = (self.hand_over(position, Vec3::ZERO, offset), ring.origin);
+        let mut farthest = (self.hand_over(position, Vec3::ZERO, offset, least), ring.origin);
         let most = MOST / self.fan.len().max(1);
         for f in ring.faces.iter().take(most) {
             let witness = std::mem::replace(mesh.witness(f.face.triangle()), NONE);
             if witness != NONE {
                 let point = ring.point(witness);
-                let distance = self.hand_over(witness, point - ring.origin, offset);
+                let distance = self.hand_over(witness, point - ring.origin, offset, least);
                 if distance > farthest.0 {
                     farthest = (distance, point);
                 }
@@ -80,7 +80,8 @@ impl Drift {
         for n in ring.neighbours.iter().filter(|n| n.position != target).take(most) {
             let middle = 0.5 * (n.offset + offset);
             let mut nearest = f32::INFINITY;
-            for f in &ring.faces {
+            // Most often one of the triangles at the neighbour is near enough.
+            for f in ring.faces_at(n).into_iter().chain(&ring.faces) {
                 nearest = nearest.min(squared_distance(middle, [Vec3::ZERO, f.a, f.b]));
                 if nearest <= farthest {
                     break;
@@ -91,11 +92,15 @@ impl Drift {
         farthest.sqrt()
     }
 
-    /// Hands a witness to the nearest triangle; returns the squared distance.
-    fn hand_over(&mut self, witness: u32, point: Vec3, apex: Vec3) -> f32 {
+    /// Hands a witness to the nearest triangle; returns the squared distance, or one that is no more than `least` where
+    /// that is known to be so: no triangle keeps such a witness.
+    fn hand_over(&mut self, witness: u32, point: Vec3, apex: Vec3, least: f32) -> f32 {
         let mut nearest = (f32::INFINITY, usize::MAX);
         for (i, spoke) in self.fan.iter().enumerate() {
             let distance = squared_distance(point, [apex, spoke.a, spoke.b]);
+            if distance <= least {
+                return distance;
+            }
             if distance < nearest.0 {
                 nearest = (distance, i);
             }
@@ -113,6 +118,7 @@ impl Drift {
 }
 
 /// The squared distance from a point to a triangle (Ericson, *Real-Time Collision Detection*, section 5.1.5).
+#[inline]
 pub(super) fn squared_distance(p: Vec3, [a, b, c]: [Vec3; 3]) -> f32 {
     let (ab, ac, ap) = (b - a, c - a, p - a);
     let (d1, d2) = (ab.dot(ap), ac.dot(ap));

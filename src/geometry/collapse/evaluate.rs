@@ -82,6 +82,8 @@ impl Setting<'_> {
 pub(super) struct Evaluator {
     pub ring: Ring,
     by_cost: Vec<(f32, u32)>,
+    /// Per position, the last answer of [`Evaluator::best`] that was a collapse, and the stamp of its ring then.
+    known: Vec<Option<((u32, u32), Candidate)>>,
     /// Positions of the piece that [`Action::Vanish`] is about.
     pub piece: Vec<u32>,
     /// From wedges of the position to wedges of the target, filled by [`Evaluator::map_wedges`].
@@ -90,7 +92,13 @@ pub(super) struct Evaluator {
 
 impl Evaluator {
     pub fn new(places: Vec<Place>, tags: Vec<u32>) -> Self {
-        Self { ring: Ring::new(places, tags), by_cost: Vec::new(), piece: Vec::new(), mapping: Vec::new() }
+        Self {
+            known: vec![None; places.len()],
+            ring: Ring::new(places, tags),
+            by_cost: Vec::new(),
+            piece: Vec::new(),
+            mapping: Vec::new(),
+        }
     }
 
     /// A lower bound of the cost of the best step for a position, without a look at the guards; `None` if there is no
@@ -121,15 +129,20 @@ impl Evaluator {
         if self.ring.faces.is_empty() {
             return Err(Stall::None);
         }
+        if let Some(known) = self.known_best(mesh, position) {
+            return Ok(known);
+        }
         self.rank_targets();
-        let junction = self.ring.chain.is_none();
         let (mut best, mut turning): (Option<Candidate>, Option<Candidate>) = (None, None);
         for i in 0..self.by_cost.len().min(TARGETS_TRIED) {
             let (cost, slot) = self.take_cheapest(i);
             if best.is_some_and(|best| best.cost <= cost) {
                 break;
             }
-            let Some((phase, price)) = self.guard(mesh, setting, position, slot, junction) else { continue };
+            let rival = best.map(|best| best.cost);
+            let Some((phase, price)) = self.guard(mesh, setting, position, (cost, slot), rival) else {
+                continue;
+            };
             let target = self.ring.neighbours[slot as usize].position;
             let candidate = Candidate { action: Action::Collapse(target), cost: cost + price, phase };
             let rival = if phase == Phase::Free { &mut turning } else { &mut best };
@@ -137,7 +150,17 @@ impl Evaluator {
                 *rival = Some(candidate);
             }
         }
-        best.or(turning).or_else(|| self.vanishing(mesh, setting, position)).ok_or(Stall::NonManifold)
+        let best = best.or(turning);
+        self.known[position as usize] = best.map(|best| (self.ring.stamp, best));
+        best.or_else(|| self.vanishing(mesh, setting, position)).ok_or(Stall::NonManifold)
+    }
+
+    /// The answer of last time, if nothing has changed that it depends on.
+    fn known_best(&self, mesh: &CornerMesh, position: u32) -> Option<Candidate> {
+        let (_, best) = self.known[position as usize].filter(|known| known.0 == self.ring.stamp)?;
+        let Action::Collapse(target) = best.action else { return None };
+        let slot = self.ring.slot(target)?;
+        ((self.ring.neighbours[slot].faces as usize) < mesh.live_triangles).then_some(best)
     }
 
     /// Moves the cheapest of the targets from the `i`-th on to place `i`.
@@ -196,14 +219,15 @@ impl Evaluator {
         }
     }
 
-    /// The phase in which the collapse onto a neighbour is allowed, and its price; `None` if it never is.
+    /// The phase in which the collapse onto a neighbour is allowed, and its price; `None` if it never is, or if it is no
+    /// better than a rival of the cost given.
     fn guard(
         &mut self,
         mesh: &CornerMesh,
         setting: &Setting<'_>,
         position: u32,
-        slot: u32,
-        junction: bool,
+        (cost, slot): (f32, u32),
+        rival: Option<f32>,
     ) -> Option<(Phase, f32)> {
         let neighbour = self.ring.neighbours[slot as usize];
         // Something of the part always stays: an empty picture is worth no saving.
@@ -212,18 +236,28 @@ impl Evaluator {
         }
         let unit = self.ring.area * neighbour.offset.length_squared();
         if self.turns(neighbour.position, neighbour.offset) {
+            if rival.is_some() {
+                return None;
+            }
             return self
                 .map_wedges(mesh, setting, neighbour.position)
                 .map(|_| (Phase::Free, RELAXED_PRICE * unit));
         }
-        let likeness = self.map_wedges(mesh, setting, neighbour.position)?;
+        let hopeless = |price: f32| rival.is_some_and(|rival| cost + price >= rival);
         let gap = GAP_WEIGHT * self.ring.area * self.ring.gap(neighbour.position, neighbour.offset);
+        if hopeless(gap) {
+            return None;
+        }
+        let likeness = self.map_wedges(mesh, setting, neighbour.position)?;
         let smear = match likeness {
             OTHER_TAG => TAG_PRICE * unit,
             likeness if likeness < SMEAR_LIMIT => SMEAR_PRICE * unit,
             _ => 0.0,
         };
-        if junction || !self.link_holds(mesh, position, neighbour.position) {
+        if hopeless(smear + gap) {
+            return None;
+        }
+        if self.ring.chain.is_none() || !self.link_holds(mesh, position, neighbour.position) {
             return Some((Phase::Topology, RELAXED_PRICE * unit + smear + gap));
         }
         Some((if smear > 0.0 { Phase::Smear } else { Phase::Strict }, smear + gap))

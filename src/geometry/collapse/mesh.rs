@@ -10,6 +10,9 @@ use crate::geometry::weld::WeldedMesh;
 
 pub(super) const NONE: u32 = u32::MAX;
 
+/// So many triangles of a position are loaded at once.
+const AHEAD: usize = 8;
+
 /// The dynamic mesh.
 pub(super) struct CornerMesh {
     triangles: Vec<Triangle>,
@@ -32,6 +35,24 @@ struct Triangle {
     positions: [u32; 4],
     /// The wedges of the corners, and nothing.
     wedges: [u32; 4],
+}
+
+impl Triangle {
+    const DEAD: Self = Self { positions: [NONE; 4], wedges: [NONE; 4] };
+
+    /// The triangle seen from a corner of it, unless it is dead.
+    #[inline(always)]
+    fn face(&self, corner: u32) -> Option<Face> {
+        let i = (corner & 3) as usize;
+        let (j, k) = (after(i), after(after(i)));
+        let (positions, wedges) = (&self.positions, &self.wedges);
+        (positions[0] != NONE).then(|| Face {
+            corner,
+            wedge: wedges[i],
+            wedges: [wedges[j], wedges[k]],
+            positions: [positions[j], positions[k]],
+        })
+    }
 }
 
 /// The corner after `k`, for `k` below 3; without a branch, since no processor guesses `k`.
@@ -118,18 +139,8 @@ impl CornerMesh {
         self.lists[position as usize].live
     }
 
-    #[inline(always)]
     fn face(&self, corner: u32) -> Option<Face> {
-        let triangle = &self.triangles[(corner >> 2) as usize];
-        let i = (corner & 3) as usize;
-        let (j, k) = (after(i), after(after(i)));
-        let (positions, wedges) = (&triangle.positions, &triangle.wedges);
-        (positions[0] != NONE).then(|| Face {
-            corner,
-            wedge: wedges[i],
-            wedges: [wedges[j], wedges[k]],
-            positions: [positions[j], positions[k]],
-        })
+        self.triangles[(corner >> 2) as usize].face(corner)
     }
 
     /// Drops the dead from a list of triangles.
@@ -159,12 +170,20 @@ impl CornerMesh {
     pub fn collect_faces(&mut self, position: u32, mut take: impl FnMut(Face)) {
         let list = self.lists[position as usize];
         let mut kept = list.start as usize;
-        for i in list.range() {
-            let corner = self.corners[i];
-            if let Some(face) = self.face(corner) {
-                take(face);
-                self.corners[kept] = corner;
-                kept += 1;
+        let mut near = [Triangle::DEAD; AHEAD];
+        for start in list.range().step_by(AHEAD) {
+            let some = start..list.range().end.min(start + AHEAD);
+            // Loaded together before anything is done with one of them: they are far apart in memory.
+            for (triangle, &corner) in near.iter_mut().zip(&self.corners[some.clone()]) {
+                *triangle = self.triangles[(corner >> 2) as usize];
+            }
+            for (i, triangle) in some.zip(&near) {
+                let corner = self.corners[i];
+                if let Some(face) = triangle.face(corner) {
+                    take(face);
+                    self.corners[kept] = corner;
+                    kept += 1;
+                }
             }
         }
         self.lists[position as usize].len = kept as u32 - list.start;

@@ -286,6 +286,7 @@ impl<'a> Simplifier<'a> {
             let (from, to) = self.evaluator.mapping[i];
             self.remove_wedge(from, Target::Wedge(to));
         }
+        self.evaluator.ring.touch_neighbours();
         self.move_faces(target);
         self.mesh.drop_list(position);
         let carried = if self.mesh.valence(target) == 0 {

@@ -9,12 +9,15 @@ use std::collections::VecDeque;
 const MANTISSA_BITS: u32 = 5;
 const SHIFT: u32 = 23 - MANTISSA_BITS;
 const BUCKETS: usize = 1 << (8 + MANTISSA_BITS);
+const _: () = assert!(BUCKETS / 64 <= u128::BITS as usize);
 const ABSENT: u16 = u16::MAX;
 
 /// The queue; costs are non-negative floats.
 pub(super) struct BucketQueue {
     buckets: Vec<VecDeque<u32>>,
     occupied: Vec<u64>,
+    /// Which words of `occupied` have a bit set.
+    words: u128,
     bucket_of: Vec<u16>,
 }
 
@@ -24,6 +27,7 @@ impl BucketQueue {
         Self {
             buckets: vec![VecDeque::new(); BUCKETS],
             occupied: vec![0; BUCKETS / 64],
+            words: 0,
             bucket_of: vec![ABSENT; count],
         }
     }
@@ -36,6 +40,7 @@ impl BucketQueue {
         }
         self.buckets[bucket].push_back(position);
         self.occupied[bucket / 64] |= 1 << (bucket % 64);
+        self.words |= 1 << (bucket / 64);
     }
 
     /// Takes a position out, if it is in.
@@ -50,8 +55,8 @@ impl BucketQueue {
 
     /// Takes out the position that has waited longest in the cheapest bucket.
     pub fn pop(&mut self) -> Option<u32> {
-        loop {
-            let word = self.occupied.iter().position(|&bits| bits != 0)?;
+        while self.words != 0 {
+            let word = self.words.trailing_zeros() as usize;
             let bucket = word * 64 + self.occupied[word].trailing_zeros() as usize;
             while let Some(position) = self.buckets[bucket].pop_front() {
                 if self.bucket_of[position as usize] as usize == bucket {
@@ -60,14 +65,18 @@ impl BucketQueue {
                 }
             }
             self.occupied[word] &= !(1 << (bucket % 64));
+            if self.occupied[word] == 0 {
+                self.words &= !(1 << word);
+            }
         }
+        None
     }
 
     /// Whether a position of the given cost may be popped after one that is in now.
     pub fn has_cheaper_than(&self, cost: f32) -> bool {
         let bucket = bucket_of(cost);
         let (word, bit) = (bucket / 64, bucket % 64);
-        self.occupied[word] & ((1 << bit) - 1) != 0 || self.occupied[..word].iter().any(|&bits| bits != 0)
+        self.words & ((1 << word) - 1) != 0 || self.occupied[word] & ((1 << bit) - 1) != 0
     }
 }
 

@@ -23,11 +23,13 @@ const OPEN: f32 = 0.7;
 pub(super) struct Place {
     pub point: Vec3,
     mark: u32,
+    /// How often its triangles have changed.
+    version: u32,
 }
 
 impl Place {
     pub fn new(point: Vec3) -> Self {
-        Self { point, mark: 0 }
+        Self { point, mark: 0, version: 0 }
     }
 }
 
@@ -77,6 +79,9 @@ pub(super) struct Ring {
     /// The sum of the triangles' areas as vectors, twice.
     pub around: Vec3,
     pub quadric: Quadric,
+    /// Changes with every change of the triangles at the position or at a neighbour: the version of the position, and
+    /// the sum of the neighbours'.
+    pub stamp: (u32, u32),
     /// Whether edges with other than two triangles form a chain through the position: `Some(false)` if it has none,
     /// `Some(true)` along a boundary or a seam where sheets meet, `None` at a junction of such edges.
     pub chain: Option<bool>,
@@ -94,6 +99,7 @@ impl Ring {
             area: 0.0,
             around: Vec3::ZERO,
             quadric: Quadric::default(),
+            stamp: (0, 0),
             chain: Some(false),
         }
     }
@@ -148,6 +154,7 @@ impl Ring {
         }
         place.mark = self.first_mark + self.neighbours.len() as u32;
         let offset = place.point - self.origin;
+        self.stamp.1 = self.stamp.1.wrapping_add(place.version);
         self.neighbours.push(Neighbour {
             position: other,
             offset,
@@ -174,6 +181,20 @@ impl Ring {
         self.quadric = Quadric::default();
         self.chain = Some(false);
         self.origin = self.point(position);
+        self.stamp = (self.places[position as usize].version, 0);
+    }
+
+    /// Notes that the triangles at all neighbours are about to change.
+    pub fn touch_neighbours(&mut self) {
+        for neighbour in &self.neighbours {
+            let version = &mut self.places[neighbour.position as usize].version;
+            *version = version.wrapping_add(1);
+        }
+    }
+
+    /// The first and the last triangle on the edge to a neighbour.
+    pub fn faces_at(&self, neighbour: &Neighbour) -> [&RingFace; 2] {
+        neighbour.sides.map(|side| &self.faces[side as usize / 2])
     }
 
     /// Adds the planes along the edges that bound the surface.

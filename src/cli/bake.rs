@@ -49,7 +49,8 @@ pub struct BakeArguments {
     /// Print the report as JSON.
     #[arg(long)]
     json: bool,
-    /// Also write the report with one object for each part, as JSON; it appears when it is complete.
+    /// Also write the report with one object for each part, as JSON; it appears when it is complete, and costs no time:
+    /// everything in it, the boundary by the file's own indices too (1 to 2 % of a bake), is found without it as well.
     #[arg(long, value_name = "FILE.json")]
     report: Option<PathBuf>,
 }

@@ -54,6 +54,9 @@ const LARGEST_SHARE: f64 = 0.25;
 /// No more children than that a parent can start with this share of their vertices.
 const LEAST_SHARE: f64 = 1.0 / 16.0;
 
+/// No guard stops a part that has come down to so many triangles: fewer would be nothing, or one side of a sheet.
+const LEAST_TRIANGLES: u32 = 2;
+
 /// An ordered cell, while its parent is looked for.
 struct Node {
     ordered: OrderedMesh,
@@ -307,7 +310,8 @@ fn name_stalls(parts: &mut [OrderedPart], causes: &[Option<Stall>]) {
     for (i, part) in parts.iter_mut().enumerate() {
         let Some(cause) = causes[i] else { continue };
         if coarsest_share_is_high(part.coarsest_triangles(), triangles[i]) {
-            part.stall = if cause == Stall::None { Stall::Least } else { cause };
+            let is_least = cause == Stall::None || part.coarsest_triangles() <= LEAST_TRIANGLES;
+            part.stall = if is_least { Stall::Least } else { cause };
         }
     }
 }

@@ -1,6 +1,6 @@
 //! A mesh as its file numbers it in, how many of its vertices lie on an open boundary out.
 //!
-//! CAD files write a patch for each face, so that by index nearly every vertex is on a boundary; set beside the open
+//! CAD files often write a patch for each face, so that by index nearly every vertex is on a boundary; set beside the open
 //! positions after the weld, the number says what the weld was worth.
 
 /// How many vertices are on an edge that only one triangle has, by index and before anything is welded.

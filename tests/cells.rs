@@ -11,10 +11,11 @@ mod common;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::sync::Mutex;
 
 use collapsar::bake::merged;
 use collapsar::geometry::body::{OrderOptions, order_body};
-use collapsar::geometry::cell_tree::{Joining, drawn_cells, order_cells, sums_below};
+use collapsar::geometry::cell_tree::{Joining, Watch, drawn_cells, order_cells, sums_below};
 use collapsar::geometry::cells::cut_to;
 use collapsar::geometry::record::{Attributes, CellPlace};
 use collapsar::geometry::weld::{WeldedMesh, grid_of, weld};
@@ -240,4 +241,38 @@ fn a_parent_stands_in_for_cells_that_have_not_arrived() {
     }
     residency.settle().unwrap();
     assert_eq!(choose(&residency), (wishes.clone(), 0));
+}
+
+/// Keeps what was said to be done.
+#[derive(Default)]
+struct Heard(Mutex<Vec<usize>>);
+
+impl Watch for Heard {
+    fn stopped(&self) -> bool {
+        false
+    }
+
+    fn done(&self, triangles: usize) {
+        self.0.lock().unwrap().push(triangles);
+    }
+}
+
+/// Progress comes cell by cell, keeps something for the parents, and reaches exactly all triangles.
+#[test]
+fn all_triangles_are_said_to_be_done_and_the_last_of_them_after_the_parents() {
+    let source = common::height_field(40);
+    let grid = grid_of(&source).unwrap();
+    let mesh = weld(&source, grid);
+    let triangles = mesh.triangles.len();
+    for max_vertices in [300, 1 << 16] {
+        let cells = cut_to(mesh.clone(), max_vertices, 1 << 20);
+        let leaves = cells.len();
+        let heard = Heard::default();
+        let joining = Joining { grid, boundary: Boundary::Slide, locked: &Default::default(), max_vertices };
+        order_cells(cells, joining, &heard);
+        let heard = heard.0.into_inner().unwrap();
+        assert_eq!((heard.iter().sum::<usize>(), heard.len()), (triangles, leaves + 1));
+        let last = if leaves > 1 { triangles / 5..triangles / 4 + 1 } else { 0..1 };
+        assert!(last.contains(heard.last().unwrap()), "{heard:?}");
+    }
 }

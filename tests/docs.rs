@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
-use collapsar::bake::{BakeReport, StalledPart};
+use collapsar::bake::{BakeReport, PartReport, StalledPart};
 use collapsar::compare::{Comparison, Figures, PartRow, RatioRow};
 use collapsar::stats::report::Flight;
 use collapsar::stats::{FrameRecord, Summary};
@@ -76,6 +76,7 @@ fn every_key_of_a_bake_report_is_documented() {
         StalledPart { name: String::new(), triangles: 0, coarsest_triangles: 0, cause: Default::default() };
     let report = BakeReport { stalled_parts: vec![stalled], ..BakeReport::default() };
     assert_documented("bake --json", &serde_json::to_value(report).unwrap());
+    assert_documented("bake --report", &serde_json::json!({ "part_list": [PartReport::default()] }));
 }
 
 #[test]

@@ -4,6 +4,8 @@
 //! for the cells of large parts, so that no core waits for one at the end -> container. The bytes written do not depend on the number of threads.
 
 mod bodies;
+mod file_boundary;
+mod part_report;
 mod report;
 
 use std::ops::Range;
@@ -21,7 +23,11 @@ use crate::geometry::normals::{CREASE_DEGREES, by_crease_angle};
 use crate::import::{self, ImportError, Instance, Model, SourceMesh};
 
 pub use bodies::{Body, MaterialRuns, Placement, bodies, merged};
-pub use report::{BakeReport, StalledPart};
+pub use part_report::PartReport;
+pub use report::{BakeReport, StalledPart, WholeReport};
+
+use file_boundary::open_vertices;
+use part_report::{PartWeld, part_list};
 
 /// Why a bake ended without a container.
 #[derive(Debug, thiserror::Error)]
@@ -77,6 +83,8 @@ pub struct BakeProgress {
     pub triangles_total: AtomicU64,
     /// Triangles that have been ordered.
     pub triangles_done: AtomicU64,
+    /// Whether everything is ordered and the container is being written.
+    pub writing: AtomicBool,
     /// Set by the user's side to stop the bake at the next part or cell.
     pub cancelled: AtomicBool,
 }
@@ -119,11 +127,14 @@ pub fn bake(
         let path = inputs.first().cloned().unwrap_or_default();
         return Err(BakeError::NothingLeft { triangles: report.source_triangles as usize, path });
     }
+    progress.writing.store(true, Ordering::Relaxed);
     let written = match container::write(output, &contents, &progress.cancelled) {
         Err(ContainerError::Interrupted) => return Err(BakeError::Interrupted),
         other => other?,
     };
-    report.finish(&contents, &written, [import_seconds, order_seconds, started.elapsed().as_secs_f64()]);
+    let seconds = started.elapsed().as_secs_f64();
+    let write_seconds = seconds - import_seconds - order_seconds;
+    report.finish(&written, [import_seconds, order_seconds, write_seconds, seconds]);
     Ok(report)
 }
 
@@ -137,9 +148,37 @@ pub fn ordered(
     progress: &BakeProgress,
 ) -> Result<(Contents, BakeReport), BakeError> {
     let bodies = bodies(&model);
-    let outcomes = order_all(&mut model, &bodies, options, progress)?;
-    let report = BakeReport::new(&model.notes, outcomes.iter().flat_map(|outcome| &outcome.welds));
-    Ok((assemble(model, bodies, outcomes), report))
+    let ordered = order_all(&mut model, &bodies, options, progress)?;
+    let welds: Vec<Vec<PartWeld>> = ordered.iter().map(OrderedBody::part_welds).collect();
+    let of_parts: Vec<PartWeld> = ordered
+        .iter()
+        .zip(&welds)
+        .flat_map(|(body, welds)| body.meshes_with_cells().map(|mesh| welds[mesh]))
+        .collect();
+    let notes = std::mem::take(&mut model.notes);
+    let contents = assemble(model, bodies, ordered);
+    let part_list = part_list(&contents, &of_parts);
+    Ok((contents, BakeReport::new(&notes, welds.iter().flatten(), part_list)))
+}
+
+/// A body in order, and its boundary before.
+#[derive(Debug, Clone, Default)]
+struct OrderedBody {
+    outcome: BodyOutcome,
+    /// For each mesh the vertices on open edges, by the file's own indices.
+    open_in_file: Vec<usize>,
+}
+
+impl OrderedBody {
+    fn part_welds(&self) -> Vec<PartWeld> {
+        let welds = self.outcome.welds.iter().zip(&self.open_in_file);
+        welds.map(|(&counts, &open_in_file)| PartWeld { counts, open_in_file }).collect()
+    }
+
+    /// The meshes that became parts, in the order of the parts.
+    fn meshes_with_cells(&self) -> impl Iterator<Item = usize> {
+        self.outcome.mesh_of.chunk_by(|a, b| a == b).map(|cells| cells[0])
+    }
 }
 
 /// Orders all bodies, the largest first. The model keeps the meshes' names only, so that memory is given back as they
@@ -149,7 +188,7 @@ fn order_all(
     bodies: &[Body],
     options: &BakeOptions,
     progress: &BakeProgress,
-) -> Result<Vec<BodyOutcome>, BakeError> {
+) -> Result<Vec<OrderedBody>, BakeError> {
     let merge: Vec<bool> = bodies.iter().map(|body| body.is_merged(model)).collect();
     let mut largest_first: Vec<(usize, Vec<SourceMesh>)> =
         bodies.iter().map(|body| body.take(model)).enumerate().collect();
@@ -163,9 +202,9 @@ fn order_all(
     let order = |(number, meshes): (usize, Vec<SourceMesh>)| {
         Ok((number, order_one(meshes, merge[number], options, progress)?))
     };
-    let ordered: Result<Vec<(usize, BodyOutcome)>, BakeError> =
+    let ordered: Result<Vec<(usize, OrderedBody)>, BakeError> =
         pool.install(|| largest_first.into_par_iter().with_max_len(1).map(order).collect());
-    let mut outcomes = vec![BodyOutcome::default(); bodies.len()];
+    let mut outcomes = vec![OrderedBody::default(); bodies.len()];
     for (number, outcome) in ordered? {
         outcomes[number] = outcome;
     }
@@ -177,25 +216,31 @@ fn order_one(
     merge: bool,
     options: &BakeOptions,
     progress: &BakeProgress,
-) -> Result<BodyOutcome, BakeError> {
+) -> Result<OrderedBody, BakeError> {
     progress.check()?;
+    let mut open_in_file: Vec<usize> =
+        meshes.iter().map(|mesh| open_vertices(&mesh.triangles, mesh.positions.len())).collect();
     for mesh in meshes.iter_mut().filter(|mesh| mesh.normals.is_empty()) {
         by_crease_angle(mesh, options.crease_degrees);
     }
-    let meshes = if merge { vec![merged(meshes)] } else { meshes };
+    if merge {
+        meshes = vec![merged(meshes)];
+        open_in_file = vec![open_in_file.iter().sum()];
+    }
     let outcome = order_body(meshes, options.order, progress);
     // What was stopped lacks cells.
     progress.check()?;
-    Ok(outcome)
+    Ok(OrderedBody { outcome, open_in_file })
 }
 
 /// Numbers the parts (every cell of a mesh is one) and places them, in the order of the model's instances.
-fn assemble(mut model: Model, bodies: Vec<Body>, outcomes: Vec<BodyOutcome>) -> Contents {
+fn assemble(mut model: Model, bodies: Vec<Body>, ordered: Vec<OrderedBody>) -> Contents {
     let mut parts = Vec::new();
     let mut placed: Vec<(usize, Vec<StoredInstance>)> = Vec::new();
     let mut sources = 0..;
     let mut runs = MaterialRuns::default();
-    for (body, BodyOutcome { cells, mesh_of, .. }) in bodies.into_iter().zip(outcomes) {
+    for (body, OrderedBody { outcome, .. }) in bodies.into_iter().zip(ordered) {
+        let BodyOutcome { cells, mesh_of, .. } = outcome;
         let mut mesh_of = mesh_of.as_slice();
         let mut cells = cells.into_iter();
         let merged = body.is_merged(&model);

@@ -2,10 +2,8 @@
 
 use serde::Serialize;
 
-use crate::container::{Contents, StoredPart, Written};
-use crate::geometry::OrderedPart;
-use crate::geometry::body::WeldCounts;
-use crate::geometry::record::{CellPlace, Stall};
+use super::part_report::{PartReport, PartWeld};
+use crate::container::Written;
 
 /// What was read, what became of it, and what it cost.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -32,6 +30,8 @@ pub struct BakeReport {
     pub source_triangles: u64,
     /// Vertices in the input files.
     pub source_vertices: u64,
+    /// Vertices on edges of one triangle, by the files' own indices.
+    pub source_open_vertices: u64,
     /// Positions after the weld.
     pub welded_positions: u64,
     /// Positions on open edges that moved onto another one within the weld tolerance.
@@ -54,6 +54,8 @@ pub struct BakeReport {
     pub import_seconds: f64,
     /// Seconds for ordering all parts.
     pub order_seconds: f64,
+    /// Seconds for writing the container.
+    pub write_seconds: f64,
     /// Seconds in all.
     pub seconds: f64,
     /// Source triangles per second, everything included.
@@ -62,6 +64,19 @@ pub struct BakeReport {
     pub bytes_per_triangle: f64,
     /// Peak resident memory of the process; `null` where the system does not tell.
     pub peak_rss_bytes: Option<u64>,
+    /// Every part, in the container's order; not part of the summary.
+    #[serde(skip)]
+    pub part_list: Vec<PartReport>,
+}
+
+/// The summary with one object for each part: what `bake --report` writes.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct WholeReport<'a> {
+    /// The summary.
+    #[serde(flatten)]
+    pub summary: &'a BakeReport,
+    /// Every part, in the container's order.
+    pub part_list: &'a [PartReport],
 }
 
 /// A part that could not be made coarse.
@@ -77,75 +92,63 @@ pub struct StalledPart {
     pub cause: &'static str,
 }
 
-/// The part with these cells, if one of its roots stalls.
-fn stalled(cells: &[StoredPart]) -> Option<StalledPart> {
-    let cause = cells.iter().map(|cell| cell.part.stall).find(|&stall| stall != Stall::None)?;
-    let (triangles, coarsest_triangles) = triangles_of(cells);
-    let name = cells[0].name.clone();
-    Some(StalledPart { name, triangles, coarsest_triangles, cause: cause.describe() })
-}
-
-/// Triangles of a part: of its leaf cells, and of the coarsest states of its roots.
-fn triangles_of(cells: &[StoredPart]) -> (u64, u64) {
-    let sum = |of: fn(&OrderedPart) -> u32, which: fn(&CellPlace) -> bool| {
-        let chosen = cells.iter().filter(|cell| which(&cell.part.place));
-        chosen.map(|cell| u64::from(of(&cell.part))).sum::<u64>()
-    };
-    let whole = sum(OrderedPart::triangle_count, |place| place.leaf_cells == 0);
-    (whole, sum(OrderedPart::coarsest_triangles, |place| place.parent_distance == 0))
-}
-
 impl BakeReport {
-    /// What was read and welded.
-    pub(super) fn new<'a>(notes: &[String], welds: impl Iterator<Item = &'a WeldCounts>) -> Self {
+    /// What was read and welded, and the parts that came of it. `welds` has also those meshes that left no part.
+    pub(super) fn new<'a>(
+        notes: &[String],
+        welds: impl Iterator<Item = &'a PartWeld>,
+        part_list: Vec<PartReport>,
+    ) -> Self {
         let mut report = Self { notes: notes.to_vec(), ..Self::default() };
-        for weld in welds {
-            report.source_triangles += weld.source_triangles as u64;
-            report.source_vertices += weld.source_vertices as u64;
-            report.welded_positions += weld.positions as u64;
-            report.moved_positions += weld.moved as u64;
-            report.degenerate_triangles += weld.degenerate as u64;
-            report.duplicate_triangles += weld.duplicate as u64;
-            report.open_positions += weld.edges.open_positions as u64;
-            report.shared_positions += weld.shared as u64;
-            report.non_manifold_edges += weld.edges.non_manifold_edges as u64;
+        for PartWeld { counts, open_in_file } in welds {
+            report.source_triangles += counts.source_triangles as u64;
+            report.source_vertices += counts.source_vertices as u64;
+            report.source_open_vertices += *open_in_file as u64;
+            report.welded_positions += counts.positions as u64;
+            report.moved_positions += counts.moved as u64;
+            report.degenerate_triangles += counts.degenerate as u64;
+            report.duplicate_triangles += counts.duplicate as u64;
+            report.open_positions += counts.edges.open_positions as u64;
+            report.shared_positions += counts.shared as u64;
+            report.non_manifold_edges += counts.edges.non_manifold_edges as u64;
         }
-        report
+        report.count(&part_list);
+        Self { part_list, ..report }
     }
 
-    /// What the parts and their placements are.
-    fn count(&mut self, contents: &Contents) {
-        self.cells = contents.parts.len() as u64;
-        let mut first = 0;
-        let mut triangles_at = vec![0; contents.parts.len()];
-        for cells in contents.parts.chunk_by(|a, b| a.source == b.source) {
-            let (triangles, coarsest) = triangles_of(cells);
-            self.parts += 1;
-            self.triangles += triangles;
-            self.coarsest_triangles += coarsest;
-            triangles_at[first] = triangles;
-            first += cells.len();
-            for OrderedPart { vertices, locked, place, .. } in cells.iter().map(|cell| &cell.part) {
-                self.vertices += if place.leaf_cells == 0 { vertices.len() as u64 } else { 0 };
-                self.locked_vertices += if place.parent_distance == 0 { u64::from(*locked) } else { 0 };
-            }
-            self.stalled_parts.extend(stalled(cells));
-        }
-        // The first cell of a part stands for all.
-        let placed = contents.instances.iter().map(|instance| triangles_at[instance.part as usize]);
-        for triangles in placed.filter(|&triangles| triangles > 0) {
-            self.instances += 1;
-            self.triangles_placed += triangles;
+    fn count(&mut self, parts: &[PartReport]) {
+        self.parts = parts.len() as u64;
+        for part in parts {
+            self.cells += part.cells;
+            self.instances += part.instances;
+            self.vertices += part.vertices;
+            self.triangles += part.triangles;
+            self.triangles_placed += part.triangles * part.instances;
+            self.locked_vertices += part.locked_vertices;
+            self.coarsest_triangles += part.coarsest_triangles;
+            self.stalled_parts.extend(StalledPart::of(part));
         }
     }
 
-    /// Adds what is known when the container is written; `seconds` for import, ordering, and all.
-    pub(super) fn finish(&mut self, contents: &Contents, written: &Written, seconds: [f64; 3]) {
-        self.count(contents);
+    /// The summary and the list of parts.
+    pub fn whole(&self) -> WholeReport<'_> {
+        WholeReport { summary: self, part_list: &self.part_list }
+    }
+
+    /// Adds what is known when the container is written; `seconds` for import, ordering, writing, and all.
+    pub(super) fn finish(&mut self, written: &Written, seconds: [f64; 4]) {
         self.file_bytes = written.file_bytes;
-        [self.import_seconds, self.order_seconds, self.seconds] = seconds;
+        [self.import_seconds, self.order_seconds, self.write_seconds, self.seconds] = seconds;
         self.triangles_per_second = self.source_triangles as f64 / self.seconds.max(1e-9);
         self.bytes_per_triangle = self.file_bytes as f64 / self.triangles.max(1) as f64;
         self.peak_rss_bytes = crate::stats::memory::peak_resident_bytes();
+    }
+}
+
+impl StalledPart {
+    /// The part, if it stalls.
+    fn of(part: &PartReport) -> Option<Self> {
+        let &PartReport { triangles, coarsest_triangles, stall, .. } = part;
+        Some(Self { name: part.name.clone(), triangles, coarsest_triangles, cause: stall? })
     }
 }

@@ -22,7 +22,8 @@ use super::{Failure, interrupt, output, values};
 #[command(after_help = "Examples:\n  \
     collapsar bake truck.obj -o truck.clps\n  \
     collapsar bake hull.glb deck.glb engine.obj -o ship.clps --json\n  \
-    collapsar bake dragon.ply.zst -o dragon.clps  unpacked as it is read\n\n\
+    collapsar bake dragon.ply.zst -o dragon.clps  unpacked as it is read\n  \
+    collapsar bake truck.obj -o truck.clps --report truck.json  with a list of the parts\n\n\
     With --json, standard output is one object with parts, cells, instances, vertices, triangles, \
     locked_vertices, coarsest_triangles, file_bytes, seconds, peak_rss_bytes and more; lengths are bytes and seconds.")]
 pub struct BakeArguments {
@@ -48,6 +49,10 @@ pub struct BakeArguments {
     /// Print the report as JSON.
     #[arg(long)]
     json: bool,
+    /// Also write the report with one object for each part, as JSON; it appears when it is complete, and costs no time:
+    /// everything in it, the boundary by the file's own indices too (1 to 2 % of a bake), is found without it as well.
+    #[arg(long, value_name = "FILE.json")]
+    report: Option<PathBuf>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -69,30 +74,58 @@ pub fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         crease_degrees: arguments.crease as f32,
         threads: arguments.threads.into(),
     };
-    check_not_an_input(&arguments.inputs, &arguments.output)?;
+    check_output("container", MAGIC.as_slice(), &arguments.inputs, &arguments.output)?;
+    if let Some(path) = &arguments.report {
+        check_report(path, arguments)?;
+    }
     let report = bake_with_progress(&arguments.inputs, &arguments.output, &options)?;
+    if let Some(path) = &arguments.report {
+        output::write_json(path, &report.whole())?;
+    }
     if arguments.json {
         return output::print_json(&report);
     }
     output::print_text(&describe(&report, &arguments.output))
 }
 
-/// That a slip of the keyboard does not replace a model, or a file that belongs to one, by its container.
-fn check_not_an_input(inputs: &[PathBuf], output: &Path) -> Result<(), Failure> {
+/// How every report starts.
+const REPORT_START: &[u8] = b"{\n  \"parts\": ";
+
+/// That the report can be written, and replaces nothing but an older report.
+fn check_report(path: &Path, arguments: &BakeArguments) -> Result<(), Failure> {
+    output::check_file(path)?;
+    if place_of(path) == place_of(&arguments.output) {
+        let path = path.display();
+        return Err(Failure::Argument(format!(
+            "the report would replace the container; choose another file: {path}"
+        )));
+    }
+    check_output("report", REPORT_START, &arguments.inputs, path)
+}
+
+/// Where a file is or would be: its folder without links and its name, or all of it without links if it exists.
+fn place_of(path: &Path) -> Option<PathBuf> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    path.canonicalize().ok().or_else(|| Some(folder.canonicalize().ok()?.join(path.file_name()?)))
+}
+
+/// That a slip of the keyboard does not replace a model, or a file that belongs to one, by something of ours, which
+/// starts with `magic`.
+fn check_output(what: &str, magic: &[u8], inputs: &[PathBuf], output: &Path) -> Result<(), Failure> {
     let Ok(existing) = output.canonicalize() else { return Ok(()) };
     if let Some(input) = inputs.iter().find(|i| i.canonicalize().is_ok_and(|input| input == existing)) {
+        let input = input.display();
         return Err(Failure::Argument(format!(
-            "the container would replace this input; choose another output: {}",
-            input.display()
+            "the {what} would replace this input; choose another output: {input}"
         )));
     }
     let mut start = Vec::new();
     let read =
-        std::fs::File::open(&existing).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut start));
+        std::fs::File::open(&existing).and_then(|file| file.take(magic.len() as u64).read_to_end(&mut start));
     // What cannot be read is the writer's to refuse; an empty file is nobody's model.
-    if existing.is_file() && read.is_ok() && !start.is_empty() && start != MAGIC {
+    if existing.is_file() && read.is_ok() && !start.is_empty() && start != magic {
         return Err(Failure::Argument(format!(
-            "the container would replace a file that is not a container; choose another output or remove it: {}",
+            "the {what} would replace a file that is not a {what}; choose another output or remove it: {}",
             output.display()
         )));
     }
@@ -109,7 +142,7 @@ pub fn bake_with_progress(
     let flag = interrupt::flag();
     std::thread::scope(|scope| {
         let work = scope.spawn(|| bake(inputs, output, options, &progress));
-        let bar = progress_bar();
+        let bar = ProgressBar::new(0);
         while !work.is_finished() {
             progress.cancelled.store(flag.load(Ordering::Relaxed), Ordering::Relaxed);
             show(&bar, &progress);
@@ -120,27 +153,62 @@ pub fn bake_with_progress(
     })
 }
 
-fn progress_bar() -> ProgressBar {
-    let style = "{msg:9} [{bar:32}] {human_pos} of {human_len} triangles, {eta} left";
-    // The template is a constant that indicatif has parsed in every test of this verb.
-    let style = ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar());
-    ProgressBar::new(0).with_style(style).with_message("reading")
+fn style(template: &str) -> ProgressStyle {
+    // The templates are constants that indicatif has parsed in every test of this verb.
+    ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
+}
+
+/// Reading and writing have no measure of their own.
+fn busy(bar: &ProgressBar, doing: &'static str) {
+    if bar.message() != doing {
+        bar.set_style(style("{msg:9} {spinner} {elapsed}"));
+        bar.set_message(doing);
+    }
+    bar.tick();
 }
 
 fn show(bar: &ProgressBar, progress: &BakeProgress) {
     let total = progress.triangles_total.load(Ordering::Relaxed);
-    if total > 0 {
-        bar.set_message("ordering");
-        bar.set_length(total);
+    if progress.writing.load(Ordering::Relaxed) {
+        busy(bar, "writing");
+    } else if total == 0 {
+        busy(bar, "reading");
+    } else {
+        if bar.message() != "ordering" {
+            bar.set_style(style("{msg:9} [{bar:32}] {percent} % of {human_len} triangles, {eta} left"));
+            bar.set_message("ordering");
+            bar.set_length(total);
+            // The estimate is of the ordering alone.
+            bar.reset_eta();
+        }
         bar.set_position(progress.triangles_done.load(Ordering::Relaxed));
     }
 }
 
+/// A share in per cent.
+fn percent(part: u64, whole: u64) -> f64 {
+    100.0 * part as f64 / whole.max(1) as f64
+}
+
 /// The report in about ten lines.
 pub fn describe(report: &BakeReport, output: &Path) -> String {
+    let mut lines = found_lines(report);
+    lines.push(stalled_line(report));
+    lines.extend(cost_lines(report));
+    lines.push(format!(
+        "container    {} ({:.1} bytes/triangle): {}",
+        human::bytes(report.file_bytes),
+        report.bytes_per_triangle,
+        output.display()
+    ));
+    lines.extend(report.notes.iter().map(|note| format!("note         {note}")));
+    lines.join("\n")
+}
+
+/// What was read and what became of it.
+fn found_lines(report: &BakeReport) -> Vec<String> {
     let count = human::count;
-    let share = |part: u64, whole: u64| 100.0 * part as f64 / whole.max(1) as f64;
-    let mut lines = vec![
+    vec![
         format!(
             "parts        {} ({} cells), placed {} times",
             count(report.parts),
@@ -155,57 +223,70 @@ pub fn describe(report: &BakeReport, output: &Path) -> String {
             count(report.duplicate_triangles)
         ),
         format!(
-            "vertices     {} from {} in the files, at {} positions",
+            "vertices     {} from {} in the files, welded to {} positions ({} moved)",
             count(report.vertices),
             count(report.source_vertices),
-            count(report.welded_positions)
+            count(report.welded_positions),
+            count(report.moved_positions)
         ),
         format!(
-            "boundary     {:.1} % of the positions are open, {} edges are non-manifold",
-            share(report.open_positions, report.welded_positions),
+            "boundary     {:.1} % of the vertices in the files, {:.1} % of the positions; {} edges are non-manifold",
+            percent(report.source_open_vertices, report.source_vertices),
+            percent(report.open_positions, report.welded_positions),
             count(report.non_manifold_edges)
         ),
         format!(
             "coarsest     {} triangles, {:.2} % of all",
             count(report.coarsest_triangles),
-            share(report.coarsest_triangles, report.triangles)
+            percent(report.coarsest_triangles, report.triangles)
         ),
-    ];
-    lines.push(stalled_line(report));
-    lines.push(format!(
-        "time         {:.2} s ({:.2} s reading, {:.2} s ordering), {} triangles/s",
+    ]
+}
+
+fn cost_lines(report: &BakeReport) -> Vec<String> {
+    let mut lines = vec![format!(
+        "time         {:.2} s ({:.2} s reading, {:.2} s ordering, {:.2} s writing), {} triangles/s",
         report.seconds,
         report.import_seconds,
         report.order_seconds,
+        report.write_seconds,
         human::rounded(report.triangles_per_second)
-    ));
-    if let Some(peak) = report.peak_rss_bytes {
-        lines.push(format!("memory       {} at most", human::bytes(peak)));
-    }
-    lines.push(format!(
-        "container    {} ({:.1} bytes/triangle): {}",
-        human::bytes(report.file_bytes),
-        report.bytes_per_triangle,
-        output.display()
-    ));
-    lines.extend(report.notes.iter().map(|note| format!("note         {note}")));
-    lines.join("\n")
+    )];
+    lines.extend(report.peak_rss_bytes.map(|peak| {
+        let each = peak as f64 / report.source_triangles.max(1) as f64;
+        format!("memory       {} at most ({each:.0} bytes/triangle read)", human::bytes(peak))
+    }));
+    lines
 }
 
+/// How many parts stall by which cause, the most frequent first, and the worst of them.
 fn stalled_line(report: &BakeReport) -> String {
     let stalled = &report.stalled_parts;
-    match stalled.iter().max_by_key(|part| part.coarsest_triangles) {
-        None => "stalled      no part keeps more than a tenth of its triangles".to_owned(),
-        Some(worst) => format!(
-            "stalled      {} parts keep more than a tenth ({} of them with few triangles); most: \"{}\", {} of {} ({})",
-            human::count(stalled.len() as u64),
-            human::count(stalled.iter().filter(|part| part.cause == Stall::Least.describe()).count() as u64),
-            printable(&worst.name),
-            human::count(worst.coarsest_triangles),
-            human::count(worst.triangles),
-            worst.cause
-        ),
-    }
+    let Some(worst) = stalled.iter().max_by_key(|part| part.coarsest_triangles) else {
+        return "stalled      no part keeps more than a tenth of its triangles".to_owned();
+    };
+    let mut causes: Vec<&str> = stalled.iter().map(|part| part.cause).collect();
+    causes.sort_unstable();
+    let mut causes: Vec<(usize, &str)> =
+        causes.chunk_by(|a, b| a == b).map(|same| (same.len(), same[0])).collect();
+    causes.sort_by_key(|&(parts, _)| std::cmp::Reverse(parts));
+    let causes: Vec<String> = causes
+        .iter()
+        .map(|&(parts, cause)| format!("{} by {}", human::count(parts as u64), short(cause)))
+        .collect();
+    format!(
+        "stalled      {} parts keep more than a tenth ({}); most: \"{}\", {} of {}",
+        human::count(stalled.len() as u64),
+        causes.join(", "),
+        printable(&worst.name),
+        human::count(worst.coarsest_triangles),
+        human::count(worst.triangles),
+    )
+}
+
+/// A cause in a list of counts.
+fn short(cause: &str) -> &str {
+    if cause == Stall::Least.describe() { "having few triangles" } else { cause }
 }
 
 /// A name from a file on one line of a terminal: no control characters, not too long.

@@ -20,6 +20,7 @@ pub use chunk::{ChunkSpec, ChunkView};
 pub use format::{ChunkRow, InstanceRow, MAGIC, MaterialRow, NodeRow, PartRow, SectionKind};
 pub use reader::Container;
 pub use verify::{MAX_FINDINGS, VerifyReport, inspect, verify};
+pub(crate) use writer::slots;
 pub use writer::{Contents, StoredInstance, StoredPart, Written, check_destination, write};
 
 /// What may be wrong with a container, or with writing one.

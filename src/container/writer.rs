@@ -391,7 +391,7 @@ fn part_row<'a>(stored: &'a StoredPart, first_chunk: u32, names: &mut Names<'a>)
 }
 
 /// How many material slots the vertices of a part use.
-fn slots(part: &OrderedPart) -> u32 {
+pub(crate) fn slots(part: &OrderedPart) -> u32 {
     let used = part.vertices.iter().map(|vertex| Attributes::Slot.tag(vertex.attributes()) + 1);
     if part.attributes == Attributes::Slot { used.max().unwrap_or(0) } else { 0 }
 }

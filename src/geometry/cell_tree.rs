@@ -54,6 +54,12 @@ const LARGEST_SHARE: f64 = 0.25;
 /// No more children than that a parent can start with this share of their vertices.
 const LEAST_SHARE: f64 = 1.0 / 16.0;
 
+/// No guard stops a part that has come down to so many triangles: fewer would be nothing, or one side of a sheet.
+const LEAST_TRIANGLES: u32 = 2;
+
+/// One in so many of a mesh's triangles counts as done only when the parents are, which takes about as long.
+const PARENTS_SHARE: usize = 4;
+
 /// An ordered cell, while its parent is looked for.
 struct Node {
     ordered: OrderedMesh,
@@ -72,10 +78,14 @@ struct Node {
 /// Roots come first, and every parent before its children; [`OrderedPart::place`] says which is which. A watch that
 /// stops it makes the result incomplete.
 pub fn order_cells(cells: Vec<Cell>, joining: Joining<'_>, watch: &dyn Watch) -> Vec<OrderedPart> {
+    let triangles = |cell: &Cell| cell.mesh.triangles.len();
+    let is_cut = cells.len() > 1;
+    let for_parents = |cell: &Cell| if is_cut { triangles(cell) / PARENTS_SHARE } else { 0 };
+    let left_for_parents: usize = cells.iter().map(for_parents).sum();
     let leaf = |cell: Cell| {
         let cell = with_locked(cell, joining.locked);
         let node = order_cell(&cell, joining, 0.0);
-        watch.done(cell.mesh.triangles.len());
+        watch.done(triangles(&cell) - for_parents(&cell));
         node
     };
     let mut nodes: Vec<Node> =
@@ -88,6 +98,7 @@ pub fn order_cells(cells: Vec<Cell>, joining: Joining<'_>, watch: &dyn Watch) ->
         }
         roots = join_groups(&mut nodes, &groups, joining);
     }
+    watch.done(left_for_parents);
     parents_first(nodes, joining.grid)
 }
 
@@ -308,7 +319,8 @@ fn name_stalls(parts: &mut [OrderedPart], causes: &[Option<Stall>]) {
     for (i, part) in parts.iter_mut().enumerate() {
         let Some(cause) = causes[i] else { continue };
         if coarsest_share_is_high(part.coarsest_triangles(), triangles[i]) {
-            part.stall = if cause == Stall::None { Stall::Least } else { cause };
+            let is_least = cause == Stall::None || part.coarsest_triangles() <= LEAST_TRIANGLES;
+            part.stall = if is_least { Stall::Least } else { cause };
         }
     }
 }

@@ -6,7 +6,7 @@ use collapsar::stats::FrameRecord;
 use serde_json::Value;
 
 use crate::common::{bundled, height_field, patched_box};
-use crate::models::obj;
+use crate::models::{glb, obj};
 use crate::workplace::{Workplace, has_gpu, names};
 
 /// A workplace with a container of two objects, `model.clps`.
@@ -50,6 +50,76 @@ fn bake_json_has_the_promised_keys() {
     assert_eq!(report["triangles"], 6 * 100 * 2 + 144 * 2);
     assert_eq!(report["file_bytes"], place.read("model.clps").len());
     assert!(report["stalled_parts"].is_array() && report["notes"].is_array());
+}
+
+/// The whole report is the summary with a list, whose numbers add up to those of the summary.
+#[test]
+fn a_report_lists_every_part() {
+    let place = Workplace::new();
+    let patches = patched_box(10);
+    place.write("box.glb", glb(&patches.positions, patches.triangles.as_flattened(), 4));
+    place.write("field.obj", obj(&[height_field(12)]));
+    let bake = ["bake", "box.glb", "field.obj", "-o", "model.clps", "--json", "--report", "model.json"];
+    let mut summary = place.run(&bake).succeeded().json();
+    let mut report: Value = serde_json::from_slice(&place.read("model.json")).unwrap();
+    let list = report.as_object_mut().unwrap().remove("part_list").unwrap();
+    assert_eq!(report, summary);
+    let list = list.as_array().unwrap();
+    assert_eq!((list.len(), &list[1]["name"]), (2, &"field0".into()));
+    for key in [
+        "cells",
+        "instances",
+        "triangles",
+        "vertices",
+        "source_triangles",
+        "source_vertices",
+        "source_open_vertices",
+        "welded_positions",
+        "moved_positions",
+        "degenerate_triangles",
+        "duplicate_triangles",
+        "open_positions",
+        "shared_positions",
+        "non_manifold_edges",
+        "locked_vertices",
+        "coarsest_triangles",
+    ] {
+        let sum: u64 = list.iter().map(|part| part[key].as_u64().unwrap()).sum();
+        assert_eq!(summary[key].take(), sum, "{key}");
+    }
+    // A box of six patches of 11 x 11 vertices is all boundary round each patch, and closed when welded.
+    let [patches, field] = [0, 1].map(|part| &list[part]);
+    assert_eq!((&patches["source_open_vertices"], &patches["open_positions"]), (&240.into(), &0.into()));
+    assert_eq!((&field["source_open_vertices"], &field["open_positions"]), (&48.into(), &48.into()));
+    assert!(field["coarsest_error"].as_f64().unwrap() > 0.0 && field["stall"].is_null(), "{field:#}");
+    // What `info` reads from the file.
+    let info = place.run(&["info", "model.clps", "--json", "--parts"]).succeeded().json();
+    let payload: u64 = list.iter().map(|part| part["payload_bytes"].as_u64().unwrap()).sum();
+    let tiers = info["tiers"].as_array().unwrap().iter().map(|tier| tier["bytes"].as_u64().unwrap());
+    assert_eq!(payload, tiers.sum::<u64>());
+    assert_eq!(info["part_list"][0]["tiers"], patches["tiers"]);
+}
+
+/// A report replaces an older one and nothing else, and nothing is baked where it cannot be written.
+#[test]
+fn a_report_replaces_nothing_but_a_report() {
+    let place = Workplace::new();
+    place.write("model.obj", obj(&[height_field(4)]));
+    place.write("model.bin", "somebody's buffer");
+    place.write("model.gltf", "{\n  \"asset\": {} }");
+    let report = |path| ["bake", "model.obj", "-o", "model.clps", "--report", path];
+    place.fails(&report("./model.obj"), &["the report would replace this input", "model.obj"]);
+    place.fails(&report("./model.clps"), &["the report would replace the container", "model.clps"]);
+    for other in ["model.bin", "model.gltf"] {
+        place.fails(&report(other), &["the report would replace a file that is not a report", other]);
+    }
+    place.fails(&report("none/model.json"), &["its folder does not exist; create it first: none"]);
+    assert!(!place.path("model.clps").exists());
+    for _ in 0..2 {
+        place.run(&report("model.json")).succeeded();
+    }
+    let named = ["model.bin", "model.clps", "model.gltf", "model.json", "model.obj"];
+    assert_eq!(names(&place.path("")), named);
 }
 
 #[test]
@@ -101,7 +171,10 @@ fn parts_that_keep_more_than_a_tenth_are_counted() {
     let place = Workplace::new();
     place.write("one.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
     let text = place.run(&["bake", "one.obj", "-o", "one.clps"]).succeeded().out;
-    assert!(text.contains("1 parts keep more than a tenth (1 of them with few triangles)"), "{text}");
+    assert!(
+        text.contains("1 parts keep more than a tenth (1 by having few triangles); most: \"one\", 1 of 1"),
+        "{text}"
+    );
     let text = place.run(&["info", "one.clps"]).succeeded().out;
     assert!(text.contains("1 parts stalled above a tenth"), "{text}");
 }

@@ -175,9 +175,9 @@ fn show(bar: &ProgressBar, progress: &BakeProgress) {
         busy(bar, "reading");
     } else {
         if bar.message() != "ordering" {
+            bar.set_length(total);
             bar.set_style(style("{msg:9} [{bar:32}] {percent} % of {human_len} triangles, {eta} left"));
             bar.set_message("ordering");
-            bar.set_length(total);
             // The estimate is of the ordering alone.
             bar.reset_eta();
         }

@@ -6,7 +6,8 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use collapsar::bake::{BakeOptions, BakeProgress, bake};
+use collapsar::bake::{BakeOptions, BakeProgress, bake, merged};
+use collapsar::geometry::normals::{CREASE_DEGREES, by_crease_angle};
 use collapsar::import::SourceMesh;
 use collapsar::scene::Scene;
 
@@ -24,6 +25,37 @@ pub fn datasets() -> Option<PathBuf> {
 /// The project's own models.
 pub fn bundled(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("datasets").join(name)
+}
+
+/// The bundled models, and every real one at hand, packed ones included; sorted by name.
+pub fn models() -> Vec<PathBuf> {
+    let mut files = vec![bundled("2CylinderEngine.glb"), bundled("peterbilt.obj")];
+    for folder in datasets().iter().flat_map(|at| ["gltf", "obj", "ply", "stl", "restricted"].map(|sub| at.join(sub))) {
+        let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        files.extend(entries.map(|entry| entry.path()).filter(|path| is_model(path)));
+    }
+    files.sort_by(|a, b| a.file_name().cmp(&b.file_name()));
+    files.dedup_by(|a, b| a.file_name() == b.file_name());
+    files
+}
+
+fn is_model(path: &Path) -> bool {
+    let name = path.to_string_lossy();
+    let name = name.trim_end_matches(".zst").trim_end_matches(".gz");
+    ["glb", "gltf", "obj", "ply", "stl"].iter().any(|kind| name.ends_with(&format!(".{kind}")))
+}
+
+/// The bodies of a file as the bake orders them: with normals, the meshes of each merged where the bake does so.
+pub fn bodies_of(file: &Path) -> Vec<Vec<SourceMesh>> {
+    let mut model = collapsar::import::read(&[file.to_owned()]).unwrap();
+    let bodies = collapsar::bake::bodies(&model);
+    let merge: Vec<bool> = bodies.iter().map(|body| body.is_merged(&model)).collect();
+    let take = |(body, merge): (collapsar::bake::Body, bool)| {
+        let mut meshes = body.take(&mut model);
+        meshes.iter_mut().for_each(|mesh| by_crease_angle(mesh, CREASE_DEGREES));
+        if merge { vec![merged(meshes)] } else { meshes }
+    };
+    bodies.into_iter().zip(merge).map(take).collect()
 }
 
 /// A sphere of `rings` x `segments` with smooth normals, closed but for the shared poles.

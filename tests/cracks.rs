@@ -156,9 +156,8 @@ fn is_closed(edges: &Edges) -> bool {
 
 /// Some states of a part: every tenth, or forty where these are more.
 fn some_states(part: &OrderedPart) -> Vec<u32> {
-    let states: Vec<usize> = (part.locked as usize..=part.vertices.len())
-        .filter(|&vn| part.triangles_at.is_state(vn))
-        .collect();
+    let states: Vec<usize> =
+        (part.locked as usize..=part.vertices.len()).filter(|&vn| part.triangles_at.is_state(vn)).collect();
     let stride = if part.triangle_count() < 2000 { 10 } else { states.len().div_ceil(40).max(10) };
     states.into_iter().step_by(stride).map(|vn| vn as u32).collect()
 }

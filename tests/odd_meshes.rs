@@ -215,7 +215,9 @@ fn a_moebius_strip_keeps_its_one_boundary() {
     let state = part.triangles_at.state_at_most(part.vertices.len() / 10) as u32;
     let mut edges = std::collections::BTreeMap::<[u16; 2], u32>::new();
     for [a, b, c] in part.reformed(state) {
-        [[a, b], [b, c], [c, a]].iter().for_each(|&[a, b]| *edges.entry([a.min(b), a.max(b)]).or_default() += 1);
+        [[a, b], [b, c], [c, a]]
+            .iter()
+            .for_each(|&[a, b]| *edges.entry([a.min(b), a.max(b)]).or_default() += 1);
     }
     let mut after = std::collections::BTreeMap::<u16, Vec<u16>>::new();
     for [a, b] in edges.iter().filter(|&(_, &faces)| faces == 1).map(|(&edge, _)| edge) {

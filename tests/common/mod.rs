@@ -30,7 +30,9 @@ pub fn bundled(name: &str) -> PathBuf {
 /// The bundled models, and every real one at hand, packed ones included; sorted by name.
 pub fn models() -> Vec<PathBuf> {
     let mut files = vec![bundled("2CylinderEngine.glb"), bundled("peterbilt.obj")];
-    for folder in datasets().iter().flat_map(|at| ["gltf", "obj", "ply", "stl", "restricted"].map(|sub| at.join(sub))) {
+    for folder in
+        datasets().iter().flat_map(|at| ["gltf", "obj", "ply", "stl", "restricted"].map(|sub| at.join(sub)))
+    {
         let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
         files.extend(entries.map(|entry| entry.path()).filter(|path| is_model(path)));
     }
@@ -119,6 +121,43 @@ pub fn patched_box(n: u32) -> SourceMesh {
                 }
             }
         }
+    }
+    mesh
+}
+
+/// A square block with a round hole through it and bevelled edges, closed, in faces of right and half right angles, of
+/// `around` x 40 quads without normals; `around` is a multiple of 8.
+pub fn bracket(around: u32) -> SourceMesh {
+    // Along the profile: how square, half the width, the height; between them so many steps.
+    let profile: [([f32; 3], u32); 6] = [
+        ([0.0, 0.5, 0.0], 8),
+        ([0.0, 0.5, 0.5], 8),
+        ([1.0, 0.9, 0.5], 4),
+        ([1.0, 1.0, 0.4], 8),
+        ([1.0, 1.0, 0.1], 4),
+        ([1.0, 0.9, 0.0], 8),
+    ];
+    let rings: Vec<[f32; 3]> = (0..6)
+        .flat_map(|i| {
+            let ((from, steps), (to, _)) = (profile[i], profile[(i + 1) % 6]);
+            (0..steps)
+                .map(move |j| std::array::from_fn(|k| from[k] + (to[k] - from[k]) * j as f32 / steps as f32))
+        })
+        .collect();
+    let mut mesh = SourceMesh { name: "bracket".into(), ..SourceMesh::default() };
+    for [square, half, z] in &rings {
+        for k in 0..around {
+            let (sin, cos) = (std::f32::consts::TAU * k as f32 / around as f32).sin_cos();
+            let to_square = 1.0 / cos.abs().max(sin.abs());
+            let radius = half * (1.0 + (to_square - 1.0) * square);
+            mesh.positions.push([radius * cos, radius * sin, *z]);
+        }
+    }
+    let count = rings.len() as u32;
+    for (i, k) in (0..count).flat_map(|i| (0..around).map(move |k| (i, k))) {
+        let at = |i: u32, k: u32| i % count * around + k % around;
+        let [a, b, c, d] = [at(i, k), at(i, k + 1), at(i + 1, k + 1), at(i + 1, k)];
+        mesh.triangles.extend([[a, b, c], [a, c, d]]);
     }
     mesh
 }

@@ -79,14 +79,18 @@ fn cracks(cells: &[OrderedPart], input: &[WeldedMesh]) -> usize {
     for (edge, faces) in input.iter().flat_map(edges_of) {
         *whole.entry(edge).or_default() += faces;
     }
+    let open: FxHashSet<u64> =
+        whole.iter().filter(|&(_, &faces)| faces == 1).flat_map(|(&edge, _)| edge).collect();
     let border = border(cells);
     let cracks = (0..20u64).map(|number| {
         let mut edges = Edges::default();
         for (cell, vn) in mix(cells, number) {
             count(&mut edges, triangles_of(cell, vn), |position| border.contains(&position));
         }
-        // Open edges that the input does not have are outlines that have slid within one cell.
-        let is_crack = |edge: &Edge| whole.get(edge).is_some_and(|&faces| faces > 1);
+        // Others are outlines that have slid within a cell, or sheets that have closed beside a third.
+        let on_outline = |edge: &Edge| edge.iter().all(|end| open.contains(end));
+        let is_crack =
+            |edge: &Edge| !on_outline(edge) && whole.get(edge).is_some_and(|&faces| faces % 2 == 0);
         edges.iter().filter(|&(edge, &faces)| faces == 1 && is_crack(edge)).count()
     });
     cracks.sum()

@@ -339,16 +339,7 @@ fn an_open_strip_that_touches_itself_stays_manifold() {
 /// Every real model at hand: the same invariants, the sequential mesh compared at about 24 states a part.
 #[test]
 fn invariants_hold_on_real_models() {
-    let mut files = vec![common::bundled("2CylinderEngine.glb"), common::bundled("peterbilt.obj")];
-    if let Some(folder) = common::datasets() {
-        for sub in ["gltf", "obj", "restricted"] {
-            let entries = std::fs::read_dir(folder.join(sub)).into_iter().flatten().flatten();
-            files.extend(entries.map(|entry| entry.path()));
-        }
-    }
-    files.retain(|file| matches!(file.extension().and_then(|e| e.to_str()), Some("glb" | "gltf" | "obj")));
-    files.sort();
-    for file in files {
+    for file in common::models() {
         let model = collapsar::import::read(std::slice::from_ref(&file)).unwrap();
         // The largest models have thousands of parts alike; every third of those is enough.
         let step = if model.meshes.len() > 1000 { 3 } else { 1 };

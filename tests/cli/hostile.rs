@@ -81,8 +81,8 @@ fn every_hostile_model_that_bakes_can_be_exported_and_baked_again() {
         if !bakes(&place, &model) {
             continue;
         }
-        for output in ["half.obj", "half.glb"] {
-            let export = ["export", "out.clps", "--ratio", "0.5", "-o", output];
+        for (output, ratio) in [("half.obj", "0.5"), ("half.glb", "0.5"), ("tenth.obj", "0.1")] {
+            let export = ["export", "out.clps", "--ratio", ratio, "-o", output];
             in_time(output, || place.run(&export)).succeeded();
             assert!(bakes(&place, &place.path(output)), "{} of {}", output, model.display());
         }

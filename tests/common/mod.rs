@@ -6,7 +6,8 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use collapsar::bake::{BakeOptions, BakeProgress, bake};
+use collapsar::bake::{BakeOptions, BakeProgress, bake, merged};
+use collapsar::geometry::normals::{CREASE_DEGREES, by_crease_angle};
 use collapsar::import::SourceMesh;
 use collapsar::scene::Scene;
 
@@ -24,6 +25,39 @@ pub fn datasets() -> Option<PathBuf> {
 /// The project's own models.
 pub fn bundled(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("datasets").join(name)
+}
+
+/// The bundled models, and every real one at hand, packed ones included; sorted by name.
+pub fn models() -> Vec<PathBuf> {
+    let mut files = vec![bundled("2CylinderEngine.glb"), bundled("peterbilt.obj")];
+    for folder in
+        datasets().iter().flat_map(|at| ["gltf", "obj", "ply", "stl", "restricted"].map(|sub| at.join(sub)))
+    {
+        let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        files.extend(entries.map(|entry| entry.path()).filter(|path| is_model(path)));
+    }
+    files.sort_by(|a, b| a.file_name().cmp(&b.file_name()));
+    files.dedup_by(|a, b| a.file_name() == b.file_name());
+    files
+}
+
+fn is_model(path: &Path) -> bool {
+    let name = path.to_string_lossy();
+    let name = name.trim_end_matches(".zst").trim_end_matches(".gz");
+    ["glb", "gltf", "obj", "ply", "stl"].iter().any(|kind| name.ends_with(&format!(".{kind}")))
+}
+
+/// The bodies of a file as the bake orders them: with normals, the meshes of each merged where the bake does so.
+pub fn bodies_of(file: &Path) -> Vec<Vec<SourceMesh>> {
+    let mut model = collapsar::import::read(&[file.to_owned()]).unwrap();
+    let bodies = collapsar::bake::bodies(&model);
+    let merge: Vec<bool> = bodies.iter().map(|body| body.is_merged(&model)).collect();
+    let take = |(body, merge): (collapsar::bake::Body, bool)| {
+        let mut meshes = body.take(&mut model);
+        meshes.iter_mut().for_each(|mesh| by_crease_angle(mesh, CREASE_DEGREES));
+        if merge { vec![merged(meshes)] } else { meshes }
+    };
+    bodies.into_iter().zip(merge).map(take).collect()
 }
 
 /// A sphere of `rings` x `segments` with smooth normals, closed but for the shared poles.
@@ -87,6 +121,43 @@ pub fn patched_box(n: u32) -> SourceMesh {
                 }
             }
         }
+    }
+    mesh
+}
+
+/// A square block with a round hole through it and bevelled edges, closed, in faces of right and half right angles, of
+/// `around` x 40 quads without normals; `around` is a multiple of 8.
+pub fn bracket(around: u32) -> SourceMesh {
+    // Along the profile: how square, half the width, the height; between them so many steps.
+    let profile: [([f32; 3], u32); 6] = [
+        ([0.0, 0.5, 0.0], 8),
+        ([0.0, 0.5, 0.5], 8),
+        ([1.0, 0.9, 0.5], 4),
+        ([1.0, 1.0, 0.4], 8),
+        ([1.0, 1.0, 0.1], 4),
+        ([1.0, 0.9, 0.0], 8),
+    ];
+    let rings: Vec<[f32; 3]> = (0..6)
+        .flat_map(|i| {
+            let ((from, steps), (to, _)) = (profile[i], profile[(i + 1) % 6]);
+            (0..steps)
+                .map(move |j| std::array::from_fn(|k| from[k] + (to[k] - from[k]) * j as f32 / steps as f32))
+        })
+        .collect();
+    let mut mesh = SourceMesh { name: "bracket".into(), ..SourceMesh::default() };
+    for [square, half, z] in &rings {
+        for k in 0..around {
+            let (sin, cos) = (std::f32::consts::TAU * k as f32 / around as f32).sin_cos();
+            let to_square = 1.0 / cos.abs().max(sin.abs());
+            let radius = half * (1.0 + (to_square - 1.0) * square);
+            mesh.positions.push([radius * cos, radius * sin, *z]);
+        }
+    }
+    let count = rings.len() as u32;
+    for (i, k) in (0..count).flat_map(|i| (0..around).map(move |k| (i, k))) {
+        let at = |i: u32, k: u32| i % count * around + k % around;
+        let [a, b, c, d] = [at(i, k), at(i, k + 1), at(i + 1, k + 1), at(i + 1, k)];
+        mesh.triangles.extend([[a, b, c], [a, c, d]]);
     }
     mesh
 }

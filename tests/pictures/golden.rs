@@ -1,4 +1,4 @@
-//! Golden pictures: three models at three budgets, in `tests/golden/pictures`.
+//! Golden pictures: three models at three budgets, and the creases of a fourth, in `tests/golden/pictures`.
 //!
 //! They pin what every earlier test leaves open: that today's picture is yesterday's. A change of the bake or of the light
 //! changes them; look at the new ones, then write them by `COLLAPSAR_BLESS=1 cargo test --test pictures golden`.
@@ -12,7 +12,7 @@ use image::RgbImage;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 
 use crate::metric::{Difference, Tolerance, enlarged};
-use crate::subjects::{BUNDLED, Shot, Subject};
+use crate::subjects::{BRACKET, BUNDLED, Shot, Subject};
 use crate::{gpu, save};
 
 const SHOT: Shot = Shot { width: 320, height: 180 };
@@ -77,6 +77,17 @@ fn golden_pictures_are_met() {
     }
     let hint = "if that is intended, look at them and set COLLAPSAR_BLESS=1";
     assert!(wrong.is_empty(), "{} of 9 differ; {hint}:\n{}", wrong.len(), wrong.join("\n"));
+}
+
+/// The creases of a block at a quarter of its vertices.
+#[test]
+fn golden_creases_are_met() {
+    let Some(gpu) = gpu("pictures: golden creases") else { return };
+    let picture = picture(&gpu, &BRACKET, 4);
+    if std::env::var_os("COLLAPSAR_BLESS").is_some() {
+        bless(&picture, &golden_path("bracket_quarter"));
+    }
+    check("bracket_quarter", &picture).unwrap();
 }
 
 #[test]

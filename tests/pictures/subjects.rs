@@ -10,12 +10,13 @@ use collapsar::frame::{Renderer, Settings};
 use collapsar::geometry::normals::{CREASE_DEGREES, by_crease_angle};
 use collapsar::gpu::Gpu;
 use collapsar::gpu::target::Target;
-use collapsar::import::{self, Model};
+use collapsar::import::{self, Instance, Material, Model, Node};
 use collapsar::scene::{Camera, CameraPath, Scene};
 use collapsar::stats::FrameRecord;
+use glam::DAffine3;
 use image::{DynamicImage, RgbImage, RgbaImage};
 
-use crate::common::{bundled, datasets};
+use crate::common::{bracket, bundled, datasets};
 use crate::workbench;
 
 /// A model to be pictured.
@@ -38,6 +39,19 @@ pub static BUNDLED: LazyLock<Vec<Subject>> = LazyLock::new(|| {
         Subject::read("truck", &bundled("peterbilt.obj"), [0.99, 0.96]),
         Subject::new("workbench", workbench::model(), [0.995, 0.985]),
     ]
+});
+
+/// A block with sharp edges, of which a quarter must still show all.
+pub static BRACKET: LazyLock<Subject> = LazyLock::new(|| {
+    let instance = Instance { mesh: 0, node: 0, material: 0, world_from_part: DAffine3::IDENTITY };
+    let model = Model {
+        nodes: vec![Node { name: "bracket".into(), parent: None }],
+        materials: vec![Material::default()],
+        meshes: vec![bracket(128)],
+        instances: vec![instance],
+        ..Model::default()
+    };
+    Subject::new("bracket", model, [0.99, 0.98])
 });
 
 /// Real models, where they are at hand.

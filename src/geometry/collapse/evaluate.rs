@@ -234,6 +234,9 @@ impl Evaluator {
         if neighbour.faces as usize >= mesh.live_triangles {
             return None;
         }
+        if setting.locked[neighbour.position as usize] && self.bares(setting, neighbour.position) {
+            return None;
+        }
         let unit = self.ring.area * neighbour.offset.length_squared();
         if self.turns(neighbour.position, neighbour.offset) {
             if rival.is_some() {
@@ -261,6 +264,17 @@ impl Evaluator {
             return Some((Phase::Topology, RELAXED_PRICE * unit + smear + gap));
         }
         Some((if smear > 0.0 { Phase::Smear } else { Phase::Strict }, smear + gap))
+    }
+
+    /// Whether an edge between two locked positions, the target one of them, would lose its last triangle: this is
+    /// open towards the position, and another cell may still have the edge.
+    fn bares(&self, setting: &Setting<'_>, target: u32) -> bool {
+        let dying = self.ring.faces.iter().filter(|f| f.face.touches(target));
+        let mut thirds = dying.flat_map(|f| f.face.positions).filter(|&third| third != target);
+        thirds.any(|third| {
+            let is_open = |slot: usize| self.ring.neighbours[slot].faces == 1;
+            setting.locked[third as usize] && self.ring.slot(third).is_some_and(is_open)
+        })
     }
 
     /// Whether a surviving triangle would turn by more than the limit, or lose its area.

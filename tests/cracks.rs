@@ -61,8 +61,8 @@ fn border(cells: &[OrderedPart]) -> FxHashSet<u64> {
     owners.into_iter().filter(|&(_, owners)| owners > 1).map(|(position, _)| position).collect()
 }
 
-/// A random choice of cells that hides nothing, and a random state of each.
-fn mix(cells: &[OrderedPart], number: u64) -> Vec<(&OrderedPart, u32)> {
+/// A random choice of cells that hides nothing, by number, and a random state of each.
+fn mix(cells: &[OrderedPart], number: u64) -> Vec<(usize, u32)> {
     let places: Vec<CellPlace> = cells.iter().map(|cell| cell.place).collect();
     let drawn = drawn_cells(&places, |i| below(number << 40 | i as u64, 100) < 5 * number);
     let state = |(i, cell): (usize, &OrderedPart)| {
@@ -70,7 +70,30 @@ fn mix(cells: &[OrderedPart], number: u64) -> Vec<(&OrderedPart, u32)> {
         let vn = least + below(number << 40 | 1 << 32 | i as u64, all - least + 1);
         cell.triangles_at.state_at_most(vn as usize).max(least as usize) as u32
     };
-    cells.iter().enumerate().filter(|&(i, _)| drawn[i]).map(|(i, cell)| (cell, state((i, cell)))).collect()
+    cells.iter().enumerate().filter(|&(i, _)| drawn[i]).map(|(i, cell)| (i, state((i, cell)))).collect()
+}
+
+/// The leaf cells that have each edge, of those that several have.
+fn shared_edges(cells: &[OrderedPart]) -> FxHashMap<Edge, Vec<usize>> {
+    let mut owners: FxHashMap<Edge, Vec<usize>> = FxHashMap::default();
+    for (i, cell) in cells.iter().enumerate().filter(|(_, cell)| cell.place.leaf_cells == 0) {
+        let mut own = Edges::default();
+        count(&mut own, triangles_of(cell, cell.vertices.len() as u32), |_| true);
+        for edge in own.into_keys() {
+            owners.entry(edge).or_default().push(i);
+        }
+    }
+    owners.retain(|_, owners| owners.len() > 1);
+    owners
+}
+
+/// The cell that is drawn in the place of a leaf cell, or that leaf itself.
+fn drawn_for(cells: &[OrderedPart], drawn: &[bool], leaf: usize) -> usize {
+    let mut cell = leaf;
+    while !drawn[cell] {
+        cell -= cells[cell].place.parent_distance as usize;
+    }
+    cell
 }
 
 /// In twenty random mixes, the edges between border positions that are open and were not in the input.
@@ -82,15 +105,24 @@ fn cracks(cells: &[OrderedPart], input: &[WeldedMesh]) -> usize {
     let open: FxHashSet<u64> =
         whole.iter().filter(|&(_, &faces)| faces == 1).flat_map(|(&edge, _)| edge).collect();
     let border = border(cells);
+    let shared = shared_edges(cells);
     let cracks = (0..20u64).map(|number| {
         let mut edges = Edges::default();
-        for (cell, vn) in mix(cells, number) {
+        let mut drawn = vec![false; cells.len()];
+        for (i, vn) in mix(cells, number) {
+            drawn[i] = true;
+            let cell = &cells[i];
             count(&mut edges, triangles_of(cell, vn), |position| border.contains(&position));
         }
-        // Others are outlines that have slid within a cell, or sheets that have closed beside a third.
+        // Others are outlines that have slid, or sheets that have closed, within one of the cells that are drawn.
+        let is_border = |edge: &Edge| {
+            let of = |leaf: usize| drawn_for(cells, &drawn, leaf);
+            shared.get(edge).is_some_and(|leaves| leaves.iter().any(|&leaf| of(leaf) != of(leaves[0])))
+        };
         let on_outline = |edge: &Edge| edge.iter().all(|end| open.contains(end));
-        let is_crack =
-            |edge: &Edge| !on_outline(edge) && whole.get(edge).is_some_and(|&faces| faces % 2 == 0);
+        let is_crack = |edge: &Edge| {
+            is_border(edge) && !on_outline(edge) && whole.get(edge).is_some_and(|&faces| faces % 2 == 0)
+        };
         edges.iter().filter(|&(edge, &faces)| faces == 1 && is_crack(edge)).count()
     });
     cracks.sum()

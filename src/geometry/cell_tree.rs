@@ -71,6 +71,9 @@ struct Node {
     cause: Stall,
     parent: Option<usize>,
     leaf_cells: u32,
+    /// The positions that a leaf cell below it shares with others, sorted and packed as in vertex records; also those
+    /// that its own states have lost.
+    shared: Vec<u64>,
 }
 
 /// Orders the cells of a mesh in parallel and puts parent cells above them.
@@ -122,7 +125,20 @@ fn order_cell(cell: &Cell, joining: Joining<'_>, error: f32) -> Node {
         cause: order.stall,
         parent: None,
         leaf_cells: 0,
+        shared: shared_positions(cell),
     }
+}
+
+/// The locked positions of a cell.
+fn shared_positions(cell: &Cell) -> Vec<u64> {
+    let locked = cell.mesh.positions.iter().zip(&cell.locked).filter(|&(_, &locked)| locked);
+    sorted(locked.map(|(&position, _)| VertexRecord::new(position, 0).packed_position()).collect())
+}
+
+fn sorted(mut positions: Vec<u64>) -> Vec<u64> {
+    positions.sort_unstable();
+    positions.dedup();
+    positions
 }
 
 /// Cuts the list of roots, in which neighbours in space are mostly neighbours, where more would not fit into one
@@ -161,7 +177,8 @@ fn join_groups(nodes: &mut Vec<Node>, groups: &[Vec<usize>], joining: Joining<'_
         let error = children.iter().map(|node| node.coarsest_error()).fold(0.0, f32::max);
         let cell = with_locked(joined(&children, &owners), joining.locked);
         let leaf_cells = children.iter().map(|node| node.leaf_cells.max(1)).sum();
-        Node { leaf_cells, ..order_cell(&cell, joining, error) }
+        let shared = sorted(children.iter().flat_map(|node| &node.shared).copied().collect());
+        Node { leaf_cells, shared, ..order_cell(&cell, joining, error) }
     };
     let parents: Vec<Option<Node>> =
         groups.par_iter().with_max_len(1).map(|group| (group.len() > 1).then(|| parent(group))).collect();
@@ -224,14 +241,6 @@ impl Node {
         &self.ordered.vertices[..self.ordered.locked as usize]
     }
 
-    fn coarsest_positions(&self) -> Vec<u64> {
-        let mut positions: Vec<u64> =
-            self.coarsest_vertices().iter().map(|vertex| vertex.packed_position()).collect();
-        positions.sort_unstable();
-        positions.dedup();
-        positions
-    }
-
     fn into_part(self, grid: Grid) -> OrderedPart {
         OrderedPart {
             grid,
@@ -249,11 +258,11 @@ impl Node {
     }
 }
 
-/// How many of some nodes have each position in their coarsest state.
+/// How many of some nodes share each position with others, in any state of any cell below them.
 fn owners<'a>(nodes: &[Node], of: impl Iterator<Item = &'a usize>) -> FxHashMap<u64, u32> {
     let mut owners = FxHashMap::default();
     for &node in of {
-        for position in nodes[node].coarsest_positions() {
+        for &position in &nodes[node].shared {
             *owners.entry(position).or_insert(0) += 1;
         }
     }
@@ -277,7 +286,7 @@ fn joined(children: &[&Node], owners: &FxHashMap<u64, u32>) -> Cell {
         };
         let triangles = node.ordered.reformed(node.ordered.locked);
         mesh.triangles.extend(triangles.into_iter().map(|triangle| triangle.map(wedge)));
-        for position in node.coarsest_positions() {
+        for &position in &node.shared {
             *inside.entry(position).or_insert(0) += 1;
         }
     }

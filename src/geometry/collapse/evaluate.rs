@@ -267,13 +267,16 @@ impl Evaluator {
     }
 
     /// Whether an edge between two locked positions, the target one of them, would lose its last triangle: this is
-    /// open towards the position, and another cell may still have the edge.
+    /// brings no other triangle to it, and another cell may still have the edge.
     fn bares(&self, setting: &Setting<'_>, target: u32) -> bool {
-        let dying = self.ring.faces.iter().filter(|f| f.face.touches(target));
-        let mut thirds = dying.flat_map(|f| f.face.positions).filter(|&third| third != target);
+        let dying = || self.ring.faces.iter().filter(|f| f.face.touches(target));
+        let mut thirds = dying().flat_map(|f| f.face.positions).filter(|&third| third != target);
         thirds.any(|third| {
-            let is_open = |slot: usize| self.ring.neighbours[slot].faces == 1;
-            setting.locked[third as usize] && self.ring.slot(third).is_some_and(is_open)
+            let all_die = |slot: usize| {
+                let die = dying().filter(|f| f.face.touches(third)).count();
+                self.ring.neighbours[slot].faces as usize == die
+            };
+            setting.locked[third as usize] && self.ring.slot(third).is_some_and(all_die)
         })
     }
 

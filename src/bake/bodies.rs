@@ -17,6 +17,8 @@ pub struct Body {
     pub meshes: Vec<usize>,
     /// Where they are placed together, each with a material for each mesh; `None` if some are placed without others.
     pub placements: Option<Vec<Placement>>,
+    /// Whether its meshes become one: they are placed together, slots number them, and vertices have room for a slot.
+    pub is_merged: bool,
 }
 
 /// A placement of all meshes of a body.
@@ -34,16 +36,28 @@ pub struct Placement {
 
 /// The bodies of a model, in the order of their first meshes.
 pub fn bodies(model: &Model) -> Vec<Body> {
-    let mut placed: Vec<Vec<usize>> = model.meshes.iter().map(|_| Vec::new()).collect();
-    for (number, instance) in model.instances.iter().enumerate() {
-        placed[instance.mesh as usize].push(number);
-    }
+    let placed = instances_of_meshes(model);
     let mut meshes: Vec<Vec<usize>> = model.meshes.iter().map(|_| Vec::new()).collect();
     for (number, mesh) in model.meshes.iter().enumerate().filter(|&(number, _)| !placed[number].is_empty()) {
         meshes[mesh.body as usize].push(number);
     }
     let bodies = meshes.into_iter().filter(|meshes| !meshes.is_empty());
-    bodies.map(|meshes| Body { placements: together(&model.instances, &meshes, &placed), meshes }).collect()
+    let plain = |&mesh: &usize| model.meshes[mesh].colours.is_empty();
+    let body = |meshes: Vec<usize>| {
+        let placements = together(&model.instances, &meshes, &placed);
+        let is_merged = placements.is_some() && meshes.len() <= MAX_SLOTS && meshes.iter().all(plain);
+        Body { meshes, placements, is_merged }
+    };
+    bodies.map(body).collect()
+}
+
+/// For every mesh of a model the numbers of the instances that place it.
+pub(super) fn instances_of_meshes(model: &Model) -> Vec<Vec<usize>> {
+    let mut placed: Vec<Vec<usize>> = model.meshes.iter().map(|_| Vec::new()).collect();
+    for (number, instance) in model.instances.iter().enumerate() {
+        placed[instance.mesh as usize].push(number);
+    }
+    placed
 }
 
 /// The placements of some meshes, if every node that places one places each of them once, in the same way.
@@ -77,12 +91,6 @@ fn together(instances: &[Instance], meshes: &[usize], placed: &[Vec<usize>]) -> 
 }
 
 impl Body {
-    /// Whether its meshes become one: they are placed together, slots number them, and vertices have room for a slot.
-    pub fn is_merged(&self, model: &Model) -> bool {
-        let plain = |&mesh: &usize| model.meshes[mesh].colours.is_empty();
-        self.placements.is_some() && self.meshes.len() <= MAX_SLOTS && self.meshes.iter().all(plain)
-    }
-
     /// Takes its meshes out of a model, which keeps their names.
     pub fn take(&self, model: &mut Model) -> Vec<SourceMesh> {
         let take = |&number: &usize| {

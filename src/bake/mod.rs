@@ -22,6 +22,7 @@ use crate::geometry::cell_tree::Watch;
 use crate::geometry::normals::{CREASE_DEGREES, by_crease_angle};
 use crate::import::{self, ImportError, Instance, Model, SourceMesh};
 
+use bodies::instances_of_meshes;
 pub use bodies::{Body, MaterialRuns, Placement, bodies, merged};
 pub use part_report::PartReport;
 pub use report::{BakeReport, StalledPart, WholeReport};
@@ -189,7 +190,6 @@ fn order_all(
     options: &BakeOptions,
     progress: &BakeProgress,
 ) -> Result<Vec<OrderedBody>, BakeError> {
-    let merge: Vec<bool> = bodies.iter().map(|body| body.is_merged(model)).collect();
     let mut largest_first: Vec<(usize, Vec<SourceMesh>)> =
         bodies.iter().map(|body| body.take(model)).enumerate().collect();
     let triangles = |meshes: &[SourceMesh]| meshes.iter().map(|mesh| mesh.triangles.len()).sum::<usize>();
@@ -200,7 +200,7 @@ fn order_all(
     let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build();
     let pool = pool.map_err(|source| BakeError::Threads { threads: options.threads, source })?;
     let order = |(number, meshes): (usize, Vec<SourceMesh>)| {
-        Ok((number, order_one(meshes, merge[number], options, progress)?))
+        Ok((number, order_one(meshes, bodies[number].is_merged, options, progress)?))
     };
     let ordered: Result<Vec<(usize, OrderedBody)>, BakeError> =
         pool.install(|| largest_first.into_par_iter().with_max_len(1).map(order).collect());
@@ -239,22 +239,22 @@ fn assemble(mut model: Model, bodies: Vec<Body>, ordered: Vec<OrderedBody>) -> C
     let mut placed: Vec<(usize, Vec<StoredInstance>)> = Vec::new();
     let mut sources = 0..;
     let mut runs = MaterialRuns::default();
+    let alone = instances_of_meshes(&model);
     for (body, OrderedBody { outcome, .. }) in bodies.into_iter().zip(ordered) {
         let BodyOutcome { cells, mesh_of, .. } = outcome;
         let mut mesh_of = mesh_of.as_slice();
         let mut cells = cells.into_iter();
-        let merged = body.is_merged(&model);
         while let Some(&mesh) = mesh_of.first() {
             let count = mesh_of.iter().take_while(|&&other| other == mesh).count();
             mesh_of = &mesh_of[count..];
             let first = parts.len() as u32;
             let rows = first..first + count as u32;
-            match body.placements.as_ref().filter(|_| merged) {
+            match body.placements.as_ref().filter(|_| body.is_merged) {
                 Some(places) => placed.extend(places.iter().map(|place| {
                     let material = runs.first_of(&place.materials, &mut model.materials);
                     (place.first, place_cells(rows.clone(), place.node, material, place.world_from_part))
                 })),
-                None => placed.extend(place_alone(&model.instances, body.meshes[mesh], rows)),
+                None => placed.extend(place_alone(&model.instances, &alone[body.meshes[mesh]], rows)),
             }
             let name = &model.meshes[body.meshes[mesh]].name;
             let source = sources.next().unwrap_or_default();
@@ -276,14 +276,44 @@ fn place_cells(
     parts.map(|part| StoredInstance { part, node, material, world_from_part }).collect()
 }
 
-/// The instances of all cells of one mesh wherever it is placed, each after its number in the model.
+/// The instances of all cells of one mesh wherever its `own` instances place it, each after its number in the model.
 fn place_alone(
     instances: &[Instance],
-    mesh: usize,
+    own: &[usize],
     cells: Range<u32>,
 ) -> impl Iterator<Item = (usize, Vec<StoredInstance>)> {
-    let own = instances.iter().enumerate().filter(move |(_, instance)| instance.mesh as usize == mesh);
-    own.map(move |(number, &Instance { node, material, world_from_part, .. })| {
+    own.iter().map(move |&number| {
+        let Instance { node, material, world_from_part, .. } = instances[number];
         (number, place_cells(cells.clone(), node, material, world_from_part))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::import::{Material, Node};
+
+    /// Found by reading: what became of the meshes decided again whether they had been merged.
+    #[test]
+    fn meshes_of_a_body_that_stay_apart_keep_their_own_materials() {
+        let mesh = |x: f32, colours: Vec<[u8; 4]>| SourceMesh {
+            positions: vec![[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, 0.0]],
+            normals: vec![[0.0, 0.0, 1.0]; 3],
+            colours,
+            triangles: vec![[0, 1, 2]],
+            ..SourceMesh::default()
+        };
+        let place =
+            |mesh, material| Instance { mesh, node: 0, material, world_from_part: DAffine3::IDENTITY };
+        let model = Model {
+            meshes: vec![mesh(0.0, vec![[255, 0, 0, 255]; 3]), mesh(5.0, Vec::new())],
+            instances: vec![place(0, 1), place(1, 2)],
+            nodes: vec![Node { name: String::new(), parent: None }],
+            materials: vec![Material::default(); 3],
+            ..Model::default()
+        };
+        let (contents, _) = ordered(model, &BakeOptions::default(), &BakeProgress::default()).unwrap();
+        let placed: Vec<_> = contents.instances.iter().map(|placed| (placed.part, placed.material)).collect();
+        assert_eq!(placed, [(0, 1), (1, 2)]);
+    }
 }

@@ -54,7 +54,7 @@ pub(super) fn matched<'a>(
 fn parts_of_body<'a>(model: &'a Model, body: &Body) -> Vec<(Cow<'a, SourceMesh>, Grid)> {
     let meshes = || body.meshes.iter().map(|&number| &model.meshes[number]);
     let Some(grid) = grid_around(meshes()) else { return Vec::new() };
-    let parts: Vec<Cow<'a, SourceMesh>> = match body.is_merged(model) && body.meshes.len() > 1 {
+    let parts: Vec<Cow<'a, SourceMesh>> = match body.is_merged && body.meshes.len() > 1 {
         true => vec![Cow::Owned(merged(meshes().cloned().collect()))],
         false => meshes().map(Cow::Borrowed).collect(),
     };

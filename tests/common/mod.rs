@@ -51,7 +51,7 @@ fn is_model(path: &Path) -> bool {
 pub fn bodies_of(file: &Path) -> Vec<Vec<SourceMesh>> {
     let mut model = collapsar::import::read(&[file.to_owned()]).unwrap();
     let bodies = collapsar::bake::bodies(&model);
-    let merge: Vec<bool> = bodies.iter().map(|body| body.is_merged(&model)).collect();
+    let merge: Vec<bool> = bodies.iter().map(|body| body.is_merged).collect();
     let take = |(body, merge): (collapsar::bake::Body, bool)| {
         let mut meshes = body.take(&mut model);
         meshes.iter_mut().for_each(|mesh| by_crease_angle(mesh, CREASE_DEGREES));

@@ -213,27 +213,9 @@ fn vertex_count(part: &OrderedPart, row: &PartRow, level: Level) -> u32 {
             // A sample's error is that of the state at or below its count.
             allowed.map(|(j, _)| at.state_at_most(sampled_count(m, j) as usize) as u32).next().unwrap_or(m)
         }
-        Level::Ratio(ratio) => {
-            let triangles = f64::from(part.triangle_count()) * ratio;
-            let enough =
-                partition_point(part.locked, m, |vn| f64::from(at.count_at(vn as usize)) < triangles);
-            at.state_at_least(enough as usize).map_or(m, |vn| vn as u32)
-        }
+        Level::Ratio(ratio) => part.state_with_triangles(f64::from(part.triangle_count()) * ratio),
     };
     wanted.clamp(part.locked, m)
-}
-
-/// The least number in `low..=high` for which `below` is false, if it is true for all smaller ones.
-fn partition_point(mut low: u32, mut high: u32, below: impl Fn(u32) -> bool) -> u32 {
-    while low < high {
-        let middle = low + (high - low) / 2;
-        if below(middle) {
-            low = middle + 1;
-        } else {
-            high = middle;
-        }
-    }
-    low
 }
 
 fn piece(part: &OrderedPart, name: &str, vn: u32) -> Piece {

@@ -121,9 +121,7 @@ impl PartReport {
 
 /// The last error that the container states for a cell, in part units.
 fn last_error(part: &OrderedPart) -> f64 {
-    let (low, high) = part.grid_box();
-    let extent: f64 = (0..3).map(|axis| f64::from(high[axis].saturating_sub(low[axis])).powi(2)).sum();
-    decode_error(part.errors[ERROR_SAMPLES - 1], extent.sqrt() * part.grid.step())
+    decode_error(part.errors[ERROR_SAMPLES - 1], part.diagonal())
 }
 
 /// The chunks of a cell: a triangle list a tier, and every vertex once.

@@ -1,7 +1,5 @@
 //! The cells of one source part in, the states that stand for a share of its triangles out.
 
-use glam::DVec3;
-
 use crate::geometry::OrderedPart;
 use crate::geometry::cell_tree::{drawn_cells, sums_below};
 use crate::geometry::part::sampled_count;
@@ -23,15 +21,9 @@ pub fn nearest(cells: &[OrderedPart], ratio: f64) -> Vec<u32> {
 /// The state whose triangle count is nearest to that wanted, the coarser one of two.
 fn nearest_state(part: &OrderedPart, wanted: f64) -> u32 {
     let at = &part.triangles_at;
-    let (locked, m) = (part.locked as usize, part.vertices.len());
     let distance = |vn: usize| (f64::from(at.count_at(vn)) - wanted).abs();
-    let (mut low, mut high) = (locked, m);
-    while low < high {
-        let middle = low + (high - low) / 2;
-        if f64::from(at.count_at(middle)) < wanted { low = middle + 1 } else { high = middle }
-    }
-    let above = at.state_at_least(low).unwrap_or(m);
-    let below = at.state_at_most(above.saturating_sub(1)).max(locked);
+    let above = part.state_with_triangles(wanted) as usize;
+    let below = at.state_at_most(above.saturating_sub(1)).max(part.locked as usize);
     (if distance(below) <= distance(above) { below } else { above }) as u32
 }
 
@@ -49,13 +41,10 @@ pub fn stated_error(cells: &[OrderedPart], counts: &[u32]) -> Option<f64> {
 }
 
 fn stated(part: &OrderedPart, vn: u32) -> Option<f64> {
-    let (low, high) = part.grid_box();
-    let [low, high] = [low, high].map(|corner| DVec3::from(part.grid.position(corner)));
-    let diagonal = (high - low).length();
     let m = part.vertices.len() as u32;
     let state_of = |j: usize| part.triangles_at.state_at_most(sampled_count(m, j) as usize) as u32;
     let holds = (0..part.errors.len()).find(|&j| state_of(j).max(part.locked) <= vn);
-    holds.map(|j| decode_error(part.errors[j], diagonal))
+    holds.map(|j| decode_error(part.errors[j], part.diagonal()))
 }
 
 #[cfg(test)]

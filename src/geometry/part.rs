@@ -47,6 +47,27 @@ impl OrderedPart {
         (low, high)
     }
 
+    /// The diagonal of its box, in part units.
+    pub fn diagonal(&self) -> f64 {
+        let (low, high) = self.grid_box();
+        let extent: f64 = (0..3).map(|axis| f64::from(high[axis].saturating_sub(low[axis])).powi(2)).sum();
+        extent.sqrt() * self.grid.step()
+    }
+
+    /// The coarsest state with at least so many triangles; the finest if none has.
+    pub fn state_with_triangles(&self, triangles: f64) -> u32 {
+        let (mut low, mut high) = (self.locked as usize, self.vertices.len());
+        while low < high {
+            let middle = low + (high - low) / 2;
+            if f64::from(self.triangles_at.count_at(middle)) < triangles {
+                low = middle + 1
+            } else {
+                high = middle
+            }
+        }
+        self.triangles_at.state_at_least(low).unwrap_or(self.vertices.len()) as u32
+    }
+
     /// How many triangles the whole part has.
     pub fn triangle_count(&self) -> u32 {
         self.triangles_at.count_at(self.vertices.len())

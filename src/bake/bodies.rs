@@ -7,15 +7,17 @@
 use glam::DAffine3;
 use rustc_hash::FxHashMap;
 
+use super::source::{MeshSource, Outline};
 use crate::geometry::record::MAX_SLOTS;
-use crate::import::{Instance, Material, Model, SourceMesh};
+use crate::import::{ImportError, Instance, Material, SourceMesh};
 
 /// The meshes of the model that were one mesh of the file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Body {
     /// Their numbers in the model, ascending; only those that are placed.
     pub meshes: Vec<usize>,
-    /// Where they are placed together, each with a material for each mesh; `None` if some are placed without others.
+    /// Where they are placed together, each with a material for each mesh; `None` for one mesh alone, and if some are
+    /// placed without others.
     pub placements: Option<Vec<Placement>>,
     /// Whether its meshes become one: they are placed together, slots number them, and vertices have room for a slot.
     pub is_merged: bool,
@@ -35,40 +37,49 @@ pub struct Placement {
 }
 
 /// The bodies of a model, in the order of their first meshes.
-pub fn bodies(model: &Model) -> Vec<Body> {
-    let placed = instances_of_meshes(model);
-    let mut meshes: Vec<Vec<usize>> = model.meshes.iter().map(|_| Vec::new()).collect();
-    for (number, mesh) in model.meshes.iter().enumerate().filter(|&(number, _)| !placed[number].is_empty()) {
-        meshes[mesh.body as usize].push(number);
+pub fn bodies(outline: &Outline) -> Vec<Body> {
+    let Outline { meshes, instances, .. } = outline;
+    let mut is_placed = vec![false; meshes.len()];
+    instances.iter().for_each(|instance| is_placed[instance.mesh as usize] = true);
+    let mut meshes_of: Vec<Vec<usize>> = vec![Vec::new(); meshes.len()];
+    for (number, mesh) in meshes.iter().enumerate().filter(|&(number, _)| is_placed[number]) {
+        meshes_of[mesh.body as usize].push(number);
     }
-    let bodies = meshes.into_iter().filter(|meshes| !meshes.is_empty());
-    let plain = |&mesh: &usize| model.meshes[mesh].colours.is_empty();
-    let body = |meshes: Vec<usize>| {
-        let placements = together(&model.instances, &meshes, &placed);
-        let is_merged = placements.is_some() && meshes.len() <= MAX_SLOTS && meshes.iter().all(plain);
-        Body { meshes, placements, is_merged }
+    let several: Vec<usize> = meshes_of.iter().filter(|body| body.len() > 1).flatten().copied().collect();
+    let placed = instances_of(instances, &several);
+    let body = |own: Vec<usize>| {
+        // One alone is placed as it is.
+        let placements = if own.len() > 1 { together(instances, &own, &placed) } else { None };
+        let plain = own.iter().all(|&mesh| !meshes[mesh].coloured);
+        Body { is_merged: placements.is_some() && own.len() <= MAX_SLOTS && plain, meshes: own, placements }
     };
-    bodies.map(body).collect()
+    meshes_of.into_iter().filter(|meshes| !meshes.is_empty()).map(body).collect()
 }
 
-/// For every mesh of a model the numbers of the instances that place it.
-pub(super) fn instances_of_meshes(model: &Model) -> Vec<Vec<usize>> {
-    let mut placed: Vec<Vec<usize>> = model.meshes.iter().map(|_| Vec::new()).collect();
-    for (number, instance) in model.instances.iter().enumerate() {
-        placed[instance.mesh as usize].push(number);
+/// For each of some meshes the numbers of the instances that place it.
+fn instances_of(instances: &[Instance], meshes: &[usize]) -> FxHashMap<usize, Vec<usize>> {
+    let mut placed: FxHashMap<usize, Vec<usize>> = meshes.iter().map(|&mesh| (mesh, Vec::new())).collect();
+    for (number, instance) in instances.iter().enumerate() {
+        if let Some(own) = placed.get_mut(&(instance.mesh as usize)) {
+            own.push(number);
+        }
     }
     placed
 }
 
 /// The placements of some meshes, if every node that places one places each of them once, in the same way.
-fn together(instances: &[Instance], meshes: &[usize], placed: &[Vec<usize>]) -> Option<Vec<Placement>> {
+fn together(
+    instances: &[Instance],
+    meshes: &[usize],
+    placed: &FxHashMap<usize, Vec<usize>>,
+) -> Option<Vec<Placement>> {
     type Place = (u32, [u64; 12]);
     let mut places: FxHashMap<Place, Placement> = FxHashMap::default();
     for (k, &mesh) in meshes.iter().enumerate() {
-        if placed[mesh].len() != placed[meshes[0]].len() {
+        if placed[&mesh].len() != placed[&meshes[0]].len() {
             return None;
         }
-        for &number in &placed[mesh] {
+        for &number in &placed[&mesh] {
             let Instance { node, material, world_from_part, .. } = instances[number];
             let bits = world_from_part.to_cols_array().map(f64::to_bits);
             let place = places.entry((node, bits)).or_insert_with(|| Placement {
@@ -91,14 +102,17 @@ fn together(instances: &[Instance], meshes: &[usize], placed: &[Vec<usize>]) -> 
 }
 
 impl Body {
-    /// Takes its meshes out of a model, which keeps their names.
-    pub fn take(&self, model: &mut Model) -> Vec<SourceMesh> {
-        let take = |&number: &usize| {
-            let mesh = &mut model.meshes[number];
-            let name = mesh.name.clone();
-            std::mem::replace(mesh, SourceMesh { name, ..SourceMesh::default() })
-        };
-        self.meshes.iter().map(take).collect()
+    /// Loads its meshes.
+    ///
+    /// # Errors
+    /// Those of the source.
+    pub fn load(&self, source: &dyn MeshSource) -> Result<Vec<SourceMesh>, ImportError> {
+        self.meshes.iter().map(|&mesh| source.load(mesh)).collect()
+    }
+
+    /// The triangles of all its meshes.
+    pub fn triangles(&self, outline: &Outline) -> u64 {
+        self.meshes.iter().map(|&mesh| outline.meshes[mesh].triangles).sum()
     }
 }
 
@@ -143,16 +157,17 @@ impl MaterialRuns {
 
 #[cfg(test)]
 mod tests {
+    use super::super::source::MeshOutline;
     use super::*;
 
-    fn model(bodies: &[u32], placed: &[(u32, u32, u32)]) -> Model {
-        let mesh = |&body| SourceMesh { body, ..SourceMesh::default() };
+    fn model(bodies: &[u32], placed: &[(u32, u32, u32)]) -> Outline {
+        let mesh = |&body| MeshOutline { body, ..MeshOutline::default() };
         let instance =
             |&(mesh, node, material)| Instance { mesh, node, material, world_from_part: DAffine3::IDENTITY };
-        Model {
+        Outline {
             meshes: bodies.iter().map(mesh).collect(),
             instances: placed.iter().map(instance).collect(),
-            ..Model::default()
+            ..Outline::default()
         }
     }
 
@@ -166,7 +181,6 @@ mod tests {
         let seen: Vec<_> =
             places.iter().map(|place| (place.first, place.node, &place.materials[..])).collect();
         assert_eq!(seen, [(0, 5, &[1, 2][..]), (3, 7, &[5, 4])]);
-        // The same mesh twice at one place is no body of two.
         assert_eq!((&found[1].meshes[..], &found[1].placements), (&[1][..], &None));
     }
 

@@ -1,34 +1,43 @@
 //! Input files in, a container and a [`BakeReport`] out.
 //!
-//! The way: import -> normals where there are none -> [`order_body`] for every body in parallel, the largest first, and
-//! for the cells of large parts, so that no core waits for one at the end -> container. The bytes written do not depend on the number of threads.
+//! The way: import -> an outline and a source of meshes -> every body on its own: load it, make normals where there are
+//! none, [`order_body`], encode, and put it away on disk (`work.rs`) -> the container, assembled from what was put away.
+//! So a bake holds the bodies at hand and a few hundred bytes for each that is done; what they may take together is
+//! capped (`gate.rs`). The bytes written depend neither on the number of threads nor on interruptions.
 
 mod bodies;
 mod file_boundary;
+mod gate;
+mod journal;
+mod ledger;
 mod part_report;
+mod placing;
 mod report;
+pub mod source;
+mod work;
 
-use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::Instant;
 
-use glam::DAffine3;
-use rayon::prelude::*;
+use parking_lot::Mutex;
 
-use crate::container::{self, ContainerError, Contents, StoredInstance, StoredPart};
+use crate::container::{self, ContainerError, Rows, Watch as WriteWatch, Written};
 use crate::geometry::body::{BodyOutcome, OrderOptions, order_body};
 use crate::geometry::cell_tree::Watch;
 use crate::geometry::normals::{CREASE_DEGREES, by_crease_angle};
-use crate::import::{self, ImportError, Instance, Model, SourceMesh};
+use crate::import::{self, ImportError, SourceMesh};
 
-use bodies::instances_of_meshes;
 pub use bodies::{Body, MaterialRuns, Placement, bodies, merged};
 pub use part_report::PartReport;
 pub use report::{BakeReport, StalledPart, WholeReport};
+pub use source::{Loaded, MeshOutline, MeshSource, Outline};
 
 use file_boundary::open_vertices;
-use part_report::{PartWeld, part_list};
+use gate::Gate;
+use ledger::{BodyRows, Ledger};
+use placing::Placing;
+use work::Work;
 
 /// Why a bake ended without a container.
 #[derive(Debug, thiserror::Error)]
@@ -55,9 +64,66 @@ pub enum BakeError {
         /// What the system said.
         source: rayon::ThreadPoolBuildError,
     },
-    /// The user asked to stop.
+    /// The user asked to stop, and nothing was done yet that is worth keeping.
     #[error("interrupted; nothing was written")]
     Interrupted,
+    /// Stopped, by the user or by what went wrong; what is done is kept.
+    #[error(
+        "{}; no container was written; {done} of {total} bodies are kept: go on with the same command and --resume, or \
+         delete the folder {}",
+        cause.as_ref().map_or("interrupted".to_owned(), ToString::to_string),
+        folder.display()
+    )]
+    Stopped {
+        /// What went wrong; `None` if the user asked to stop.
+        cause: Option<ContainerError>,
+        /// How many bodies are done.
+        done: usize,
+        /// How many there are.
+        total: usize,
+        /// The work folder.
+        folder: PathBuf,
+    },
+    /// There is something else where the work folder should be.
+    #[error(
+        "the work of a bake is kept in a folder of this name, and there is something else: rename or remove it, or \
+         choose another output: {}",
+        path.display()
+    )]
+    NotAWorkFolder {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// Another bake is writing the same output.
+    #[error("another bake of this output is at work: wait for it, or choose another output: {}", path.display())]
+    Busy {
+        /// The work folder.
+        path: PathBuf,
+    },
+    /// `resume` finds the work of a bake of something else.
+    #[error(
+        "this is the work of a bake of another model, with other options or by another version, and cannot be resumed: \
+         repeat the command as it was, or bake anew without --resume: {}",
+        path.display()
+    )]
+    OtherWork {
+        /// The work folder.
+        path: PathBuf,
+    },
+    /// The memory cap is too small for the largest part.
+    #[error(
+        "a cap of {cap_bytes} bytes of memory is too little: this model needs {need_bytes}, most of it for {what}; give \
+         --memory {}MiB or more",
+        need_bytes.div_ceil(1 << 20)
+    )]
+    TooLittleMemory {
+        /// The cap.
+        cap_bytes: u64,
+        /// The least that works.
+        need_bytes: u64,
+        /// What needs it.
+        what: String,
+    },
 }
 
 /// How to bake.
@@ -69,11 +135,24 @@ pub struct BakeOptions {
     pub crease_degrees: f32,
     /// Worker threads; 0 for one a core.
     pub threads: usize,
+    /// The most memory that may be in use, in bytes; `None` for as much as all threads can use.
+    pub memory_bytes: Option<u64>,
+    /// Whether to go on with what an interrupted bake of the same has left.
+    pub resume: bool,
+    /// Whether the report lists every part.
+    pub list_parts: bool,
 }
 
 impl Default for BakeOptions {
     fn default() -> Self {
-        Self { order: OrderOptions::default(), crease_degrees: CREASE_DEGREES, threads: 0 }
+        Self {
+            order: OrderOptions::default(),
+            crease_degrees: CREASE_DEGREES,
+            threads: 0,
+            memory_bytes: None,
+            resume: false,
+            list_parts: true,
+        }
     }
 }
 
@@ -86,6 +165,10 @@ pub struct BakeProgress {
     pub triangles_done: AtomicU64,
     /// Whether everything is ordered and the container is being written.
     pub writing: AtomicBool,
+    /// Bytes of the container's payload.
+    pub bytes_total: AtomicU64,
+    /// Bytes of it that have been written.
+    pub bytes_written: AtomicU64,
     /// Set by the user's side to stop the bake at the next part or cell.
     pub cancelled: AtomicBool,
 }
@@ -110,7 +193,7 @@ impl BakeProgress {
 ///
 /// # Errors
 /// Whatever keeps the input from being read or the container from being written; then no file has the output's name
-/// that did not have it before.
+/// that did not have it before. What is done may be kept beside it: [`BakeError::Stopped`].
 pub fn bake(
     inputs: &[PathBuf],
     output: &Path,
@@ -119,105 +202,247 @@ pub fn bake(
 ) -> Result<BakeReport, BakeError> {
     let started = Instant::now();
     container::check_destination(output)?;
-    let model = import::read(inputs)?;
+    let source = Loaded::new(import::read(inputs)?);
     let import_seconds = started.elapsed().as_secs_f64();
     progress.check()?;
-    let (contents, mut report) = ordered(model, options, progress)?;
-    let order_seconds = started.elapsed().as_secs_f64() - import_seconds;
-    if contents.parts.is_empty() {
-        let path = inputs.first().cloned().unwrap_or_default();
-        return Err(BakeError::NothingLeft { triangles: report.source_triangles as usize, path });
-    }
-    progress.writing.store(true, Ordering::Relaxed);
-    let written = match container::write(output, &contents, &progress.cancelled) {
-        Err(ContainerError::Interrupted) => return Err(BakeError::Interrupted),
-        other => other?,
-    };
-    let seconds = started.elapsed().as_secs_f64();
-    let write_seconds = seconds - import_seconds - order_seconds;
-    report.finish(&written, [import_seconds, order_seconds, write_seconds, seconds]);
+    let mut report = bake_source(&source, output, options, progress).map_err(|error| match error {
+        BakeError::NothingLeft { triangles, .. } => {
+            BakeError::NothingLeft { triangles, path: inputs.first().cloned().unwrap_or_default() }
+        }
+        other => other,
+    })?;
+    report.add_import(import_seconds);
     Ok(report)
 }
 
-/// Orders all of a model: what a container of it holds, and what the report says of reading and welding.
+/// Bakes a model whose meshes come one at a time.
 ///
 /// # Errors
-/// Threads that could not be started, or an interruption.
-pub fn ordered(
-    mut model: Model,
+/// As [`bake`].
+pub fn bake_source(
+    source: &dyn MeshSource,
+    output: &Path,
     options: &BakeOptions,
     progress: &BakeProgress,
-) -> Result<(Contents, BakeReport), BakeError> {
-    let bodies = bodies(&model);
-    let ordered = order_all(&mut model, &bodies, options, progress)?;
-    let welds: Vec<Vec<PartWeld>> = ordered.iter().map(OrderedBody::part_welds).collect();
-    let of_parts: Vec<PartWeld> = ordered
-        .iter()
-        .zip(&welds)
-        .flat_map(|(body, welds)| body.meshes_with_cells().map(|mesh| welds[mesh]))
-        .collect();
-    let notes = std::mem::take(&mut model.notes);
-    let contents = assemble(model, bodies, ordered);
-    let part_list = part_list(&contents, &of_parts);
-    Ok((contents, BakeReport::new(&notes, welds.iter().flatten(), part_list)))
-}
-
-/// A body in order, and its boundary before.
-#[derive(Debug, Clone, Default)]
-struct OrderedBody {
-    outcome: BodyOutcome,
-    /// For each mesh the vertices on open edges, by the file's own indices.
-    open_in_file: Vec<usize>,
-}
-
-impl OrderedBody {
-    fn part_welds(&self) -> Vec<PartWeld> {
-        let welds = self.outcome.welds.iter().zip(&self.open_in_file);
-        welds.map(|(&counts, &open_in_file)| PartWeld { counts, open_in_file }).collect()
-    }
-
-    /// The meshes that became parts, in the order of the parts.
-    fn meshes_with_cells(&self) -> impl Iterator<Item = usize> {
-        self.outcome.mesh_of.chunk_by(|a, b| a == b).map(|cells| cells[0])
+) -> Result<BakeReport, BakeError> {
+    let started = Instant::now();
+    container::check_destination(output)?;
+    let outline = source.outline();
+    let bodies = bodies(outline);
+    let gate = Gate::new(room_for_bodies(source, &bodies, options)?);
+    let about = format!("{:?} {}", options.order, options.crease_degrees);
+    let about = work::about(bodies.len(), source.fingerprint(), &about);
+    let work = Work::open(output, about, options.resume)?;
+    let baking = Baking { source, bodies: &bodies, options, progress, gate: &gate, work: &work };
+    let result = baking.order_all().and_then(|()| {
+        let order_seconds = started.elapsed().as_secs_f64();
+        baking.write(output, order_seconds, started)
+    });
+    match result {
+        Ok(report) => {
+            work.remove();
+            Ok(report)
+        }
+        Err(error) => Err(stopped(error, work, bodies.len())),
     }
 }
 
-/// Orders all bodies, the largest first. The model keeps the meshes' names only, so that memory is given back as they
-/// are done.
-fn order_all(
-    model: &mut Model,
+/// Keeps what is done, if a stop is not for good.
+fn stopped(error: BakeError, work: Work, total: usize) -> BakeError {
+    let (done, folder) = (work.done(), work.folder().to_owned());
+    let cause = match error {
+        BakeError::Interrupted | BakeError::Container(ContainerError::Interrupted) => None,
+        BakeError::Container(cause @ ContainerError::Io { .. }) => Some(cause),
+        other => {
+            work.remove();
+            return other;
+        }
+    };
+    // A journal that cannot be written to its end only means that some of it is done again.
+    let _ = work.flush();
+    if done > 0 {
+        return BakeError::Stopped { cause, done, total, folder };
+    }
+    work.remove();
+    cause.map_or(BakeError::Interrupted, BakeError::Container)
+}
+
+/// What the bake of one triangle takes, in bytes: the mesh, what orders it, and the result, all at their largest.
+const BYTES_PER_TRIANGLE: u64 = 360;
+/// What any bake takes: the program, its threads and its buffers.
+const BYTES_AT_LEAST: u64 = 32 << 20;
+/// What the tables take for each part, mesh, instance or node.
+const BYTES_PER_ROW: u64 = 640;
+
+fn bytes_of_body(triangles: u64) -> u64 {
+    triangles.saturating_mul(BYTES_PER_TRIANGLE) + (1 << 16)
+}
+
+/// Bytes that the bodies at hand may take together.
+fn room_for_bodies(
+    source: &dyn MeshSource,
     bodies: &[Body],
     options: &BakeOptions,
-    progress: &BakeProgress,
-) -> Result<Vec<OrderedBody>, BakeError> {
-    let mut largest_first: Vec<(usize, Vec<SourceMesh>)> =
-        bodies.iter().map(|body| body.take(model)).enumerate().collect();
-    let triangles = |meshes: &[SourceMesh]| meshes.iter().map(|mesh| mesh.triangles.len()).sum::<usize>();
-    largest_first.sort_by_key(|(number, meshes)| (std::cmp::Reverse(triangles(meshes)), *number));
-    let total: usize = largest_first.iter().map(|(_, meshes)| triangles(meshes)).sum();
-    progress.triangles_total.store(total as u64, Ordering::Relaxed);
-
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build();
-    let pool = pool.map_err(|source| BakeError::Threads { threads: options.threads, source })?;
-    let order = |(number, meshes): (usize, Vec<SourceMesh>)| {
-        Ok((number, order_one(meshes, bodies[number].is_merged, options, progress)?))
-    };
-    let ordered: Result<Vec<(usize, OrderedBody)>, BakeError> =
-        pool.install(|| largest_first.into_par_iter().with_max_len(1).map(order).collect());
-    let mut outcomes = vec![OrderedBody::default(); bodies.len()];
-    for (number, outcome) in ordered? {
-        outcomes[number] = outcome;
+) -> Result<u64, BakeError> {
+    let Some(cap_bytes) = options.memory_bytes else { return Ok(u64::MAX) };
+    let outline = source.outline();
+    let rows = bodies.len() + outline.instances.len() / 2 + outline.nodes.len() / 4;
+    let fixed = BYTES_AT_LEAST + source.bytes_held() + rows as u64 * BYTES_PER_ROW;
+    let largest = bodies.iter().max_by_key(|body| body.triangles(outline));
+    let (triangles, name) =
+        largest.map_or((0, ""), |body| (body.triangles(outline), &outline.meshes[body.meshes[0]].name[..]));
+    let need_bytes = fixed.saturating_add(bytes_of_body(triangles));
+    if need_bytes > cap_bytes {
+        let what = match fixed > bytes_of_body(triangles) {
+            true if source.bytes_held() > fixed / 2 => {
+                "the input, which this format makes us hold".to_owned()
+            }
+            true => format!("the tables of {} parts", bodies.len()),
+            false => format!("the part '{name}' of {triangles} triangles"),
+        };
+        return Err(BakeError::TooLittleMemory { cap_bytes, need_bytes, what });
     }
-    Ok(outcomes)
+    Ok(cap_bytes - fixed)
 }
 
-fn order_one(
+/// A bake at work.
+#[derive(Clone, Copy)]
+struct Baking<'a> {
+    source: &'a dyn MeshSource,
+    bodies: &'a [Body],
+    options: &'a BakeOptions,
+    progress: &'a BakeProgress,
+    gate: &'a Gate,
+    work: &'a Work,
+}
+
+/// A body of more than this share of all triangles is begun before the others, so that no core waits for it at the end.
+const LARGE_SHARE: u64 = 64;
+
+impl Baking<'_> {
+    /// Orders all bodies that are not done, on all cores.
+    fn order_all(self) -> Result<(), BakeError> {
+        let todo = self.todo();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(self.options.threads).build();
+        let pool = pool.map_err(|source| BakeError::Threads { threads: self.options.threads, source })?;
+        let next = AtomicUsize::new(0);
+        let failed: Mutex<Option<BakeError>> = Mutex::default();
+        // Each worker takes bodies until there are none: bodies come in order, so that what is put away lies in order
+        // as well, and only their cells are shared between workers.
+        pool.broadcast(|_| {
+            while failed.lock().is_none()
+                && let Some(&body) = todo.get(next.fetch_add(1, Ordering::Relaxed))
+            {
+                if let Err(error) = self.order(body) {
+                    failed.lock().get_or_insert(error);
+                }
+            }
+        });
+        match failed.into_inner() {
+            Some(error) => Err(error),
+            None => self.work.flush(),
+        }
+    }
+
+    /// The bodies that are not done: large ones first, the largest of them first, then the others in order.
+    fn todo(self) -> Vec<usize> {
+        let triangles = |body: usize| self.bodies[body].triangles(self.source.outline());
+        let all: u64 = (0..self.bodies.len()).map(triangles).sum();
+        let is_large = |body: &usize| triangles(*body) > all / LARGE_SHARE;
+        let (done, todo): (Vec<usize>, Vec<usize>) =
+            (0..self.bodies.len()).partition(|&body| self.work.is_done(body));
+        self.progress.triangles_total.store(all, Ordering::Relaxed);
+        self.progress.done(done.into_iter().map(triangles).sum::<u64>() as usize);
+        let (mut large, small): (Vec<usize>, Vec<usize>) = todo.into_iter().partition(is_large);
+        large.sort_by_key(|&body| (std::cmp::Reverse(triangles(body)), body));
+        large.extend(small);
+        large
+    }
+
+    /// Loads a body, orders it and puts it away.
+    fn order(self, number: usize) -> Result<(), BakeError> {
+        self.progress.check()?;
+        let body = &self.bodies[number];
+        let _admitted = self.gate.admit(bytes_of_body(body.triangles(self.source.outline())));
+        let meshes = body.load(self.source)?;
+        let (outcome, open_in_file) = order_meshes(meshes, body.is_merged, self.options, self.progress);
+        // What was stopped lacks cells.
+        self.progress.check()?;
+        let (rows, bytes) = BodyRows::encode(&outcome, &open_in_file)?;
+        self.work.keep(number, rows, &bytes)
+    }
+
+    /// Assembles the container from what was put away, and gives it its name.
+    fn write(self, output: &Path, order_seconds: f64, started: Instant) -> Result<BakeReport, BakeError> {
+        let (ledger, mut chunks) = self.work.finish();
+        let outline = self.source.outline();
+        let placing = Placing::new(outline, self.bodies, &ledger);
+        let counts = placing.counts(ledger.part_count());
+        let mut report = BakeReport::new(outline, self.bodies, &ledger, &counts, self.options.list_parts);
+        if ledger.part_count() == 0 {
+            let triangles = report.source_triangles as usize;
+            return Err(BakeError::NothingLeft { triangles, path: output.to_owned() });
+        }
+        self.progress.bytes_total.store(ledger.payload_bytes(), Ordering::Relaxed);
+        self.progress.writing.store(true, Ordering::Relaxed);
+        let rows = Rows::new(self.named_parts(&ledger), &outline.nodes, &placing.materials)?;
+        let (starts, tiers) = (ledger.chunk_starts(), tier_counts(&rows));
+        let chunk_of = |part: u32, tier: u32, out: &mut Vec<u8>| {
+            let row = ledger.chunk(starts[part as usize] + tier);
+            chunks.read((tiers[part as usize] - 1 - tier) as usize, row, out)?;
+            Ok(*row)
+        };
+        let placed = counts.iter().map(|&count| count as usize).sum();
+        let placed = (placed, placing.instances().map(|instance| instance.row()));
+        let watch = WriteWatch { cancelled: &self.progress.cancelled, bytes: &self.progress.bytes_written };
+        let (file, path) = self.work.container()?;
+        let written: Written = container::assemble(&file, &path, rows, placed, chunk_of, &watch)
+            .map_err(|error| error.of(output))?;
+        std::fs::rename(&path, output).map_err(|cause| container::named(output, cause))?;
+        let seconds = started.elapsed().as_secs_f64();
+        report.finish(&written, [order_seconds, seconds - order_seconds, seconds]);
+        Ok(report)
+    }
+
+    /// The rows of all parts in order, each with its name and the number of its source.
+    fn named_parts<'l>(self, ledger: &'l Ledger) -> impl Iterator<Item = (container::PartRow, &'l str, u32)>
+    where
+        Self: 'l,
+    {
+        named_parts(self.source.outline(), self.bodies, ledger)
+            .zip(0..)
+            .flat_map(|((name, cells), source)| cells.iter().map(move |&row| (row, name, source)))
+    }
+}
+
+fn tier_counts(rows: &Rows) -> Vec<u32> {
+    rows.parts.iter().map(|part| part.tier_count).collect()
+}
+
+/// Every mesh that left parts, in order: its name, and its parts.
+fn named_parts<'a>(
+    outline: &'a Outline,
+    bodies: &'a [Body],
+    ledger: &'a Ledger,
+) -> impl Iterator<Item = (&'a str, &'a [container::PartRow])> {
+    bodies.iter().enumerate().flat_map(move |(number, body)| {
+        let mut parts = ledger.parts(number);
+        let meshes = ledger.meshes(number).iter().zip(&body.meshes);
+        meshes.filter(|(row, _)| row.cells > 0).map(move |(row, &mesh)| {
+            let (own, others) = parts.split_at(row.cells as usize);
+            parts = others;
+            (&outline.meshes[mesh].name[..], own)
+        })
+    })
+}
+
+/// Orders the meshes of a body; gives also, for each, the vertices on open edges by the file's own indices.
+fn order_meshes(
     mut meshes: Vec<SourceMesh>,
     merge: bool,
     options: &BakeOptions,
     progress: &BakeProgress,
-) -> Result<OrderedBody, BakeError> {
-    progress.check()?;
+) -> (BodyOutcome, Vec<usize>) {
     let mut open_in_file: Vec<usize> =
         meshes.iter().map(|mesh| open_vertices(&mesh.triangles, mesh.positions.len())).collect();
     for mesh in meshes.iter_mut().filter(|mesh| mesh.normals.is_empty()) {
@@ -227,71 +452,15 @@ fn order_one(
         meshes = vec![merged(meshes)];
         open_in_file = vec![open_in_file.iter().sum()];
     }
-    let outcome = order_body(meshes, options.order, progress);
-    // What was stopped lacks cells.
-    progress.check()?;
-    Ok(OrderedBody { outcome, open_in_file })
-}
-
-/// Numbers the parts (every cell of a mesh is one) and places them, in the order of the model's instances.
-fn assemble(mut model: Model, bodies: Vec<Body>, ordered: Vec<OrderedBody>) -> Contents {
-    let mut parts = Vec::new();
-    let mut placed: Vec<(usize, Vec<StoredInstance>)> = Vec::new();
-    let mut sources = 0..;
-    let mut runs = MaterialRuns::default();
-    let alone = instances_of_meshes(&model);
-    for (body, OrderedBody { outcome, .. }) in bodies.into_iter().zip(ordered) {
-        let BodyOutcome { cells, mesh_of, .. } = outcome;
-        let mut mesh_of = mesh_of.as_slice();
-        let mut cells = cells.into_iter();
-        while let Some(&mesh) = mesh_of.first() {
-            let count = mesh_of.iter().take_while(|&&other| other == mesh).count();
-            mesh_of = &mesh_of[count..];
-            let first = parts.len() as u32;
-            let rows = first..first + count as u32;
-            match body.placements.as_ref().filter(|_| body.is_merged) {
-                Some(places) => placed.extend(places.iter().map(|place| {
-                    let material = runs.first_of(&place.materials, &mut model.materials);
-                    (place.first, place_cells(rows.clone(), place.node, material, place.world_from_part))
-                })),
-                None => placed.extend(place_alone(&model.instances, &alone[body.meshes[mesh]], rows)),
-            }
-            let name = &model.meshes[body.meshes[mesh]].name;
-            let source = sources.next().unwrap_or_default();
-            let stored = |part| StoredPart { part, name: name.clone(), source, cell: count > 1 };
-            parts.extend(cells.by_ref().take(count).map(stored));
-        }
-    }
-    placed.sort_by_key(|&(number, _)| number);
-    let instances = placed.into_iter().flat_map(|(_, cells)| cells).collect();
-    Contents { parts, instances, nodes: model.nodes, materials: model.materials }
-}
-
-fn place_cells(
-    parts: Range<u32>,
-    node: u32,
-    material: u32,
-    world_from_part: DAffine3,
-) -> Vec<StoredInstance> {
-    parts.map(|part| StoredInstance { part, node, material, world_from_part }).collect()
-}
-
-/// The instances of all cells of one mesh wherever its `own` instances place it, each after its number in the model.
-fn place_alone(
-    instances: &[Instance],
-    own: &[usize],
-    cells: Range<u32>,
-) -> impl Iterator<Item = (usize, Vec<StoredInstance>)> {
-    own.iter().map(move |&number| {
-        let Instance { node, material, world_from_part, .. } = instances[number];
-        (number, place_cells(cells.clone(), node, material, world_from_part))
-    })
+    (order_body(meshes, options.order, progress), open_in_file)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::import::{Material, Node};
+    use crate::container::Container;
+    use crate::import::{Instance, Material, Model, Node};
+    use glam::DAffine3;
 
     /// Found by reading: what became of the meshes decided again whether they had been merged.
     #[test]
@@ -312,8 +481,13 @@ mod tests {
             materials: vec![Material::default(); 3],
             ..Model::default()
         };
-        let (contents, _) = ordered(model, &BakeOptions::default(), &BakeProgress::default()).unwrap();
-        let placed: Vec<_> = contents.instances.iter().map(|placed| (placed.part, placed.material)).collect();
+        let folder = tempfile::tempdir().unwrap();
+        let output = folder.path().join("a.clps");
+        bake_source(&Loaded::new(model), &output, &BakeOptions::default(), &BakeProgress::default()).unwrap();
+        let file = crate::scene::mapped::MappedFile::open(&output).unwrap();
+        let container = Container::open(file.bytes()).unwrap();
+        let placed: Vec<_> =
+            container.instances().iter().map(|placed| (placed.part, placed.material)).collect();
         assert_eq!(placed, [(0, 1), (1, 2)]);
     }
 }

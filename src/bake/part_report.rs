@@ -2,18 +2,9 @@
 
 use serde::Serialize;
 
-use crate::container::{Contents, StoredPart, slots};
-use crate::geometry::OrderedPart;
-use crate::geometry::body::WeldCounts;
+use super::ledger::MeshRow;
+use crate::container::{ChunkRow, PartRow};
 use crate::geometry::record::{ERROR_SAMPLES, Stall, decode_error};
-
-/// What the weld of a mesh found, and its boundary before.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct PartWeld {
-    pub counts: WeldCounts,
-    /// Vertices on open edges, by the file's own indices.
-    pub open_in_file: usize,
-}
 
 /// One part, with all its cells.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -64,68 +55,47 @@ pub struct PartReport {
     pub payload_bytes: u64,
 }
 
-/// All parts of a container; `welds` has an entry for each, in their order.
-pub(super) fn part_list(contents: &Contents, welds: &[PartWeld]) -> Vec<PartReport> {
-    let mut instances = vec![0; contents.parts.len()];
-    for instance in &contents.instances {
-        instances[instance.part as usize] += 1;
-    }
-    let parts = contents.parts.chunk_by(|a, b| a.source == b.source);
-    let mut first = 0;
-    let report = |(cells, weld): (&[StoredPart], &PartWeld)| {
-        // The first cell of a part stands for all.
-        let report = PartReport { instances: instances[first], ..PartReport::new(cells, weld) };
-        first += cells.len();
-        report
-    };
-    parts.zip(welds).map(report).collect()
-}
-
 impl PartReport {
-    fn new(cells: &[StoredPart], weld: &PartWeld) -> Self {
-        let parts = || cells.iter().map(|cell| &cell.part);
-        let leaves = || parts().filter(|part| part.place.leaf_cells == 0);
-        let roots = || parts().filter(|part| part.place.parent_distance == 0);
+    /// From the rows of its cells and of all their chunks, and what the weld found.
+    pub(super) fn new<'a>(
+        name: &str,
+        instances: u64,
+        cells: &[PartRow],
+        chunks: impl Iterator<Item = &'a ChunkRow>,
+        weld: &MeshRow,
+    ) -> Self {
+        let leaves = || cells.iter().filter(|cell| !cell.is_parent());
+        let roots = || cells.iter().filter(|cell| cell.is_root());
         Self {
-            name: cells[0].name.clone(),
+            name: name.to_owned(),
+            instances,
             cells: cells.len() as u64,
-            materials: parts().map(slots).max().unwrap_or(0).max(1),
-            triangles: leaves().map(|part| u64::from(part.triangle_count())).sum(),
-            vertices: leaves().map(|part| part.vertices.len() as u64).sum(),
-            locked_vertices: roots().map(|part| u64::from(part.locked)).sum(),
-            coarsest_triangles: roots().map(|part| u64::from(part.coarsest_triangles())).sum(),
+            materials: cells.iter().map(|cell| cell.slots).max().unwrap_or(0).max(1),
+            triangles: leaves().map(|cell| u64::from(cell.triangles)).sum(),
+            vertices: leaves().map(|cell| u64::from(cell.vertices)).sum(),
+            locked_vertices: roots().map(|cell| u64::from(cell.locked)).sum(),
+            coarsest_triangles: roots().map(|cell| u64::from(cell.coarsest_triangles)).sum(),
             coarsest_error: roots().map(last_error).fold(0.0, f64::max),
-            stall: roots().map(|part| part.stall).find(|&stall| stall != Stall::None).map(Stall::describe),
-            tiers: parts().map(|part| part.tiers.len() as u64).max().unwrap_or(0),
-            payload_bytes: parts().map(payload_bytes).sum(),
-            ..Self::of_weld(weld)
-        }
-    }
-
-    fn of_weld(PartWeld { counts, open_in_file }: &PartWeld) -> Self {
-        Self {
-            source_triangles: counts.source_triangles as u64,
-            source_vertices: counts.source_vertices as u64,
-            source_open_vertices: *open_in_file as u64,
-            welded_positions: counts.positions as u64,
-            moved_positions: counts.moved as u64,
-            degenerate_triangles: counts.degenerate as u64,
-            duplicate_triangles: counts.duplicate as u64,
-            open_positions: counts.edges.open_positions as u64,
-            shared_positions: counts.shared as u64,
-            non_manifold_edges: counts.edges.non_manifold_edges as u64,
-            ..Self::default()
+            stall: roots().map(PartRow::stall).find(|&stall| stall != Stall::None).map(Stall::describe),
+            tiers: cells.iter().map(|cell| u64::from(cell.tier_count)).max().unwrap_or(0),
+            payload_bytes: chunks.map(|chunk| u64::from(chunk.bytes)).sum(),
+            source_triangles: weld.source_triangles,
+            source_vertices: weld.source_vertices,
+            source_open_vertices: weld.open_in_file,
+            welded_positions: weld.positions,
+            moved_positions: weld.moved,
+            degenerate_triangles: weld.degenerate,
+            duplicate_triangles: weld.duplicate,
+            open_positions: weld.open_positions,
+            shared_positions: weld.shared,
+            non_manifold_edges: weld.non_manifold_edges,
         }
     }
 }
 
 /// The last error that the container states for a cell, in part units.
-fn last_error(part: &OrderedPart) -> f64 {
-    decode_error(part.errors[ERROR_SAMPLES - 1], part.diagonal())
-}
-
-/// The chunks of a cell: a triangle list a tier, and every vertex once.
-fn payload_bytes(part: &OrderedPart) -> u64 {
-    let triangles: usize = part.tiers.iter().map(|tier| tier.triangles.len()).sum();
-    (8 * triangles + (12 + 2 + 1) * part.vertices.len() + 8 * part.triangles_at.overflow().len()) as u64
+fn last_error(cell: &PartRow) -> f64 {
+    let extent =
+        (0..3).map(|axis| f64::from(cell.grid_high[axis].saturating_sub(cell.grid_low[axis])).powi(2));
+    decode_error(cell.errors[ERROR_SAMPLES - 1], extent.sum::<f64>().sqrt() * cell.grid().step())
 }

@@ -2,7 +2,11 @@
 
 use serde::Serialize;
 
-use super::part_report::{PartReport, PartWeld};
+use super::bodies::Body;
+use super::ledger::{Ledger, MeshRow};
+use super::named_parts;
+use super::part_report::PartReport;
+use super::source::Outline;
 use crate::container::Written;
 
 /// What was read, what became of it, and what it cost.
@@ -64,7 +68,7 @@ pub struct BakeReport {
     pub bytes_per_triangle: f64,
     /// Peak resident memory of the process; `null` where the system does not tell.
     pub peak_rss_bytes: Option<u64>,
-    /// Every part, in the container's order; not part of the summary.
+    /// Every part, in the container's order, if it was asked for; not part of the summary.
     #[serde(skip)]
     pub part_list: Vec<PartReport>,
 }
@@ -93,41 +97,57 @@ pub struct StalledPart {
 }
 
 impl BakeReport {
-    /// What was read and welded, and the parts that came of it. `welds` has also those meshes that left no part.
-    pub(super) fn new<'a>(
-        notes: &[String],
-        welds: impl Iterator<Item = &'a PartWeld>,
-        part_list: Vec<PartReport>,
+    /// What was read and welded, and the parts that came of it; `placed` says how often each row of parts is.
+    pub(super) fn new(
+        outline: &Outline,
+        bodies: &[Body],
+        ledger: &Ledger,
+        placed: &[u32],
+        list_parts: bool,
     ) -> Self {
-        let mut report = Self { notes: notes.to_vec(), ..Self::default() };
-        for PartWeld { counts, open_in_file } in welds {
-            report.source_triangles += counts.source_triangles as u64;
-            report.source_vertices += counts.source_vertices as u64;
-            report.source_open_vertices += *open_in_file as u64;
-            report.welded_positions += counts.positions as u64;
-            report.moved_positions += counts.moved as u64;
-            report.degenerate_triangles += counts.degenerate as u64;
-            report.duplicate_triangles += counts.duplicate as u64;
-            report.open_positions += counts.edges.open_positions as u64;
-            report.shared_positions += counts.shared as u64;
-            report.non_manifold_edges += counts.edges.non_manifold_edges as u64;
+        let mut report = Self { notes: outline.notes.clone(), ..Self::default() };
+        let (starts, mut first) = (ledger.chunk_starts(), 0);
+        let mut named = named_parts(outline, bodies, ledger);
+        for row in (0..bodies.len()).flat_map(|body| ledger.meshes(body)) {
+            report.count_mesh(row);
+            let Some((name, cells)) = (row.cells > 0).then(|| named.next()).flatten() else { continue };
+            let chunks =
+                starts[first..].iter().zip(cells).flat_map(|(&start, cell)| ledger.chunks(start, cell));
+            // The first cell of a part stands for all.
+            let part = PartReport::new(name, placed[first].into(), cells, chunks, row);
+            first += cells.len();
+            report.count_part(&part);
+            if list_parts {
+                report.part_list.push(part);
+            }
         }
-        report.count(&part_list);
-        Self { part_list, ..report }
+        report
     }
 
-    fn count(&mut self, parts: &[PartReport]) {
-        self.parts = parts.len() as u64;
-        for part in parts {
-            self.cells += part.cells;
-            self.instances += part.instances;
-            self.vertices += part.vertices;
-            self.triangles += part.triangles;
-            self.triangles_placed += part.triangles * part.instances;
-            self.locked_vertices += part.locked_vertices;
-            self.coarsest_triangles += part.coarsest_triangles;
-            self.stalled_parts.extend(StalledPart::of(part));
-        }
+    /// Adds what the weld of a mesh found, which may have left no part.
+    fn count_mesh(&mut self, row: &MeshRow) {
+        self.source_triangles += row.source_triangles;
+        self.source_vertices += row.source_vertices;
+        self.source_open_vertices += row.open_in_file;
+        self.welded_positions += row.positions;
+        self.moved_positions += row.moved;
+        self.degenerate_triangles += row.degenerate;
+        self.duplicate_triangles += row.duplicate;
+        self.open_positions += row.open_positions;
+        self.shared_positions += row.shared;
+        self.non_manifold_edges += row.non_manifold_edges;
+    }
+
+    fn count_part(&mut self, part: &PartReport) {
+        self.parts += 1;
+        self.cells += part.cells;
+        self.instances += part.instances;
+        self.vertices += part.vertices;
+        self.triangles += part.triangles;
+        self.triangles_placed += part.triangles * part.instances;
+        self.locked_vertices += part.locked_vertices;
+        self.coarsest_triangles += part.coarsest_triangles;
+        self.stalled_parts.extend(StalledPart::of(part));
     }
 
     /// The summary and the list of parts.
@@ -135,13 +155,20 @@ impl BakeReport {
         WholeReport { summary: self, part_list: &self.part_list }
     }
 
-    /// Adds what is known when the container is written; `seconds` for import, ordering, writing, and all.
-    pub(super) fn finish(&mut self, written: &Written, seconds: [f64; 4]) {
+    /// Adds what is known when the container is written; `seconds` for ordering, writing, and both.
+    pub(super) fn finish(&mut self, written: &Written, seconds: [f64; 3]) {
         self.file_bytes = written.file_bytes;
-        [self.import_seconds, self.order_seconds, self.write_seconds, self.seconds] = seconds;
+        [self.order_seconds, self.write_seconds, self.seconds] = seconds;
         self.triangles_per_second = self.source_triangles as f64 / self.seconds.max(1e-9);
         self.bytes_per_triangle = self.file_bytes as f64 / self.triangles.max(1) as f64;
         self.peak_rss_bytes = crate::stats::memory::peak_resident_bytes();
+    }
+
+    /// Adds the time that reading the input took.
+    pub(super) fn add_import(&mut self, seconds: f64) {
+        self.import_seconds = seconds;
+        self.seconds += seconds;
+        self.triangles_per_second = self.source_triangles as f64 / self.seconds.max(1e-9);
     }
 }
 

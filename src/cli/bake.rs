@@ -2,7 +2,7 @@
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use clap::Args;
@@ -23,7 +23,9 @@ use super::{Failure, interrupt, output, values};
     collapsar bake truck.obj -o truck.clps\n  \
     collapsar bake hull.glb deck.glb engine.obj -o ship.clps --json\n  \
     collapsar bake dragon.ply.zst -o dragon.clps  unpacked as it is read\n  \
-    collapsar bake truck.obj -o truck.clps --report truck.json  with a list of the parts\n\n\
+    collapsar bake truck.obj -o truck.clps --report truck.json  with a list of the parts\n  \
+    collapsar bake ship.glb -o ship.clps --memory 2GiB\n  \
+    collapsar bake ship.glb -o ship.clps --resume  after it was interrupted\n\n\
     With --json, standard output is one object with parts, cells, instances, vertices, triangles, \
     locked_vertices, coarsest_triangles, file_bytes, seconds, peak_rss_bytes and more; lengths are bytes and seconds.")]
 pub struct BakeArguments {
@@ -46,6 +48,12 @@ pub struct BakeArguments {
     /// Worker threads; 0 for one a core. The bytes written are the same.
     #[arg(long, default_value_t = 0, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=1024))]
     threads: u16,
+    /// The most memory to use; KiB, MiB and GiB work. What cannot be done within it is refused, with the least that works.
+    #[arg(long, value_name = "BYTES", value_parser = values::bytes)]
+    memory: Option<u64>,
+    /// Go on with what an interrupted bake of the same model has left in OUT.clps.bake; the bytes written are the same.
+    #[arg(long)]
+    resume: bool,
     /// Print the report as JSON.
     #[arg(long)]
     json: bool,
@@ -73,6 +81,9 @@ pub fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         },
         crease_degrees: arguments.crease as f32,
         threads: arguments.threads.into(),
+        memory_bytes: arguments.memory,
+        resume: arguments.resume,
+        list_parts: arguments.report.is_some(),
     };
     check_output("container", MAGIC.as_slice(), &arguments.inputs, &arguments.output)?;
     if let Some(path) = &arguments.report {
@@ -170,19 +181,27 @@ fn busy(bar: &ProgressBar, doing: &'static str) {
 fn show(bar: &ProgressBar, progress: &BakeProgress) {
     let total = progress.triangles_total.load(Ordering::Relaxed);
     if progress.writing.load(Ordering::Relaxed) {
-        busy(bar, "writing");
+        show_share(bar, "writing", "MB", [&progress.bytes_written, &progress.bytes_total]);
     } else if total == 0 {
         busy(bar, "reading");
     } else {
-        if bar.message() != "ordering" {
-            bar.set_length(total);
-            bar.set_style(style("{msg:9} [{bar:32}] {percent} % of {human_len} triangles, {eta} left"));
-            bar.set_message("ordering");
-            // The estimate is of the ordering alone.
-            bar.reset_eta();
-        }
-        bar.set_position(progress.triangles_done.load(Ordering::Relaxed));
+        show_share(bar, "ordering", "triangles", [&progress.triangles_done, &progress.triangles_total]);
     }
+}
+
+/// How much of something is done, with an estimate of this stage alone.
+fn show_share(bar: &ProgressBar, doing: &'static str, unit: &'static str, [done, total]: [&AtomicU64; 2]) {
+    // Bytes are shown in whole megabytes.
+    let scale = if unit == "MB" { 1_000_000 } else { 1 };
+    if bar.message() != doing {
+        bar.set_length(total.load(Ordering::Relaxed) / scale);
+        let template = format!("{{msg:9}} [{{bar:32}}] {{percent}} % of {{human_len}} {unit}, {{eta}} left");
+        bar.set_style(style(&template));
+        bar.set_message(doing);
+        bar.set_position(done.load(Ordering::Relaxed) / scale);
+        bar.reset_eta();
+    }
+    bar.set_position(done.load(Ordering::Relaxed) / scale);
 }
 
 /// A share in per cent.

@@ -54,7 +54,7 @@ impl Failure {
             self,
             Self::Interrupted(_)
                 | Self::Library(
-                    collapsar::Error::Bake(BakeError::Interrupted)
+                    collapsar::Error::Bake(BakeError::Interrupted | BakeError::Stopped { cause: None, .. })
                         | collapsar::Error::Compare(CompareError::Interrupted)
                 )
         );

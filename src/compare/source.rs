@@ -6,7 +6,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::CompareError;
-use crate::bake::{Body, bodies, merged};
+use crate::bake::{Body, Outline, bodies, merged};
 use crate::container::Container;
 use crate::geometry::Grid;
 use crate::geometry::body::{OrderOptions, welded};
@@ -39,7 +39,7 @@ pub(super) fn matched<'a>(
     model: &'a Model,
     container: &Container<'a>,
 ) -> Result<Vec<Source<'a>>, CompareError> {
-    let bodies = bodies(model);
+    let bodies = bodies(&Outline::of(model));
     let parts: Vec<(Cow<'a, SourceMesh>, Grid)> =
         bodies.iter().flat_map(|body| parts_of_body(model, body)).collect();
     let ranges = ranges_by_source(container);
@@ -54,7 +54,7 @@ pub(super) fn matched<'a>(
 fn parts_of_body<'a>(model: &'a Model, body: &Body) -> Vec<(Cow<'a, SourceMesh>, Grid)> {
     let meshes = || body.meshes.iter().map(|&number| &model.meshes[number]);
     let Some(grid) = grid_around(meshes()) else { return Vec::new() };
-    let parts: Vec<Cow<'a, SourceMesh>> = match body.is_merged && body.meshes.len() > 1 {
+    let parts: Vec<Cow<'a, SourceMesh>> = match body.is_merged {
         true => vec![Cow::Owned(merged(meshes().cloned().collect()))],
         false => meshes().map(Cow::Borrowed).collect(),
     };

@@ -8,20 +8,25 @@
 use std::io;
 use std::path::PathBuf;
 
+mod assemble;
 mod check;
 mod chunk;
+mod encode;
 mod finding;
 pub mod format;
 mod reader;
+pub(crate) mod spill;
 mod verify;
 mod writer;
 
+pub(crate) use assemble::{Rows, assemble};
 pub use chunk::{ChunkSpec, ChunkView};
+pub(crate) use encode::EncodedPart;
 pub use format::{ChunkRow, InstanceRow, MAGIC, MaterialRow, NodeRow, PartRow, SectionKind};
 pub use reader::Container;
 pub use verify::{MAX_FINDINGS, VerifyReport, inspect, verify};
-pub(crate) use writer::slots;
 pub use writer::{Contents, StoredInstance, StoredPart, Written, check_destination, write};
+pub(crate) use writer::{Watch, named};
 
 /// What may be wrong with a container, or with writing one.
 ///
@@ -120,6 +125,16 @@ pub enum ContainerError {
     /// The writer was asked to stop; no file is left.
     #[error("interrupted: no container was written")]
     Interrupted,
+}
+
+impl ContainerError {
+    /// What went wrong with a temporary file, told of the file that it was to become.
+    pub(crate) fn of(self, path: &std::path::Path) -> Self {
+        match self {
+            Self::Io { doing, cause, .. } => Self::Io { doing, cause, path: path.to_owned() },
+            other => other,
+        }
+    }
 }
 
 /// "1 finding", "7 findings", "100 findings or more".

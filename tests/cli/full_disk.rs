@@ -22,10 +22,15 @@ const NAMESPACES: [&[&str]; 2] = [&["-rm"], &["-m"]];
 
 /// Runs `collapsar` with a folder `full` that has `size` of room; `None`, with a word, where nothing may be mounted.
 fn run_on_full_disk(place: &Workplace, size: &str, arguments: &[&str]) -> Option<Outcome> {
+    in_namespace(place, SCRIPT, size, arguments)
+}
+
+/// Runs a script that mounts, with a size, the binary and its arguments; `None`, with a word, where nothing may be.
+pub fn in_namespace(place: &Workplace, script: &str, size: &str, arguments: &[&str]) -> Option<Outcome> {
     for namespace in NAMESPACES {
         let binary = env!("CARGO_BIN_EXE_collapsar");
         let mut command = Command::new("unshare");
-        command.args(namespace).args(["sh", "-c", SCRIPT, "sh", size, binary]).args(arguments);
+        command.args(namespace).args(["sh", "-c", script, "sh", size, binary]).args(arguments);
         command.current_dir(place.path("")).env("XDG_RUNTIME_DIR", "/tmp");
         // In the namespace this user is root, whose home Mesa may not write to, and says so.
         command.env("MESA_SHADER_CACHE_DISABLE", "true");
@@ -60,7 +65,7 @@ fn a_bake_onto_a_full_disk_fails_and_leaves_nothing() {
     let place = workplace();
     let bake = ["bake", "box.obj", "-o", "full/out.clps"];
     let Some(outcome) = run_on_full_disk(&place, "64k", &bake) else { return };
-    outcome.failed(&["cannot write the container", "No space left on device", "full/out.clps"]);
+    outcome.failed(&["cannot keep a part of the model", "No space left on device", "full/out.clps"]);
     assert_eq!(left(&place), "");
 }
 

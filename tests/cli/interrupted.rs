@@ -33,17 +33,15 @@ fn interrupted_after(place: &Workplace, arguments: &[&str], wait: Duration) -> O
 }
 
 #[test]
-fn an_interrupted_bake_leaves_nothing() {
+fn a_bake_that_is_interrupted_while_it_reads_leaves_nothing() {
     let place = Workplace::new();
-    // Many parts of middle size: minutes of work, however fast the machine.
+    // Read for seconds, however fast the machine.
     place.write("large.obj", obj(&vec![height_field(60); 150]));
     let before = place.snapshot();
-    for wait in [200, 1500] {
-        let bake = ["bake", "large.obj", "-o", "large.clps"];
-        let outcome = interrupted_after(&place, &bake, Duration::from_millis(wait));
-        outcome.failed_with(130, &["interrupted; nothing was written"]);
-        place.assert_unchanged(&before);
-    }
+    let bake = ["bake", "large.obj", "-o", "large.clps"];
+    let outcome = interrupted_after(&place, &bake, Duration::from_millis(150));
+    outcome.failed_with(130, &["interrupted; nothing was written"]);
+    place.assert_unchanged(&before);
 }
 
 /// Says at the second question that it is time to stop.
@@ -75,11 +73,12 @@ fn an_interrupted_bake_keeps_the_older_container() {
     place.write("model.obj", obj(&[patched_box(2)]));
     place.bake("model.obj", "model.clps");
     place.write("model.obj", obj(&vec![height_field(60); 150]));
-    let before = place.snapshot();
+    let before = place.read("model.clps");
     let bake = ["bake", "model.obj", "-o", "model.clps"];
+    // What is done by then, if anything, is kept beside it: see `resume.rs`.
     let outcome = interrupted_after(&place, &bake, Duration::from_millis(700));
-    outcome.failed_with(130, &["interrupted; nothing was written"]);
-    place.assert_unchanged(&before);
+    outcome.failed_with(130, &["interrupted; no"]);
+    assert!(place.read("model.clps") == before);
     place.verify("model.clps");
 }
 

@@ -6,7 +6,7 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use collapsar::bake::{BakeOptions, BakeProgress, bake, merged};
+use collapsar::bake::{BakeOptions, BakeProgress, Loaded, MeshSource, bake, merged};
 use collapsar::geometry::normals::{CREASE_DEGREES, by_crease_angle};
 use collapsar::import::SourceMesh;
 use collapsar::scene::Scene;
@@ -49,11 +49,11 @@ fn is_model(path: &Path) -> bool {
 
 /// The bodies of a file as the bake orders them: with normals, the meshes of each merged where the bake does so.
 pub fn bodies_of(file: &Path) -> Vec<Vec<SourceMesh>> {
-    let mut model = collapsar::import::read(&[file.to_owned()]).unwrap();
-    let bodies = collapsar::bake::bodies(&model);
+    let source = Loaded::new(collapsar::import::read(&[file.to_owned()]).unwrap());
+    let bodies = collapsar::bake::bodies(source.outline());
     let merge: Vec<bool> = bodies.iter().map(|body| body.is_merged).collect();
     let take = |(body, merge): (collapsar::bake::Body, bool)| {
-        let mut meshes = body.take(&mut model);
+        let mut meshes = body.load(&source).unwrap();
         meshes.iter_mut().for_each(|mesh| by_crease_angle(mesh, CREASE_DEGREES));
         if merge { vec![merged(meshes)] } else { meshes }
     };

@@ -1,11 +1,9 @@
 //! The models that are pictured: each as it was imported, and baked.
 
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, LazyLock};
 
-use collapsar::bake::{BakeOptions, BakeProgress, ordered};
-use collapsar::container;
+use collapsar::bake::{BakeOptions, BakeProgress, Loaded, bake_source};
 use collapsar::frame::{Renderer, Settings};
 use collapsar::geometry::normals::{CREASE_DEGREES, by_crease_angle};
 use collapsar::gpu::Gpu;
@@ -150,10 +148,10 @@ impl Shot {
 
 /// The model, ordered, written and opened.
 fn baked(model: &Model) -> Scene {
-    let (contents, _) = ordered(model.clone(), &BakeOptions::default(), &BakeProgress::default()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("subject.clps");
-    container::write(&file, &contents, &AtomicBool::new(false)).unwrap();
+    let source = Loaded::new(model.clone());
+    bake_source(&source, &file, &BakeOptions::default(), &BakeProgress::default()).unwrap();
     // The mapping outlives the file's name.
     Scene::open(&file).unwrap()
 }

@@ -35,6 +35,7 @@ impl SelectOn {
 pub struct Wishes {
     rows: Vec<SelectRow>,
     wishes: Vec<u32>,
+    visible: Vec<u32>,
     gpu: Option<OnGpu>,
 }
 
@@ -57,12 +58,17 @@ impl Wishes {
             SelectOn::Cpu => None,
             SelectOn::Gpu => Some(OnGpu::new(gpu, &rows)?),
         };
-        Ok(Self { rows, wishes, gpu })
+        Ok(Self { rows, wishes, visible: Vec::new(), gpu })
     }
 
     /// The wishes of the last [`Wishes::update`], one an instance; 0 for a culled one.
     pub fn get(&self) -> &[u32] {
         &self.wishes
+    }
+
+    /// The instances with a wish above 0, ascending.
+    pub fn visible(&self) -> &[u32] {
+        &self.visible
     }
 
     /// Computes the wishes for a view; the last ones are what its dead band holds on to. Returns whether the GPU did.
@@ -75,6 +81,8 @@ impl Wishes {
             None => self.wishes = crate::reference::select::select(&self.rows, &params, &self.wishes),
             Some(on_gpu) => self.wishes = on_gpu.update(gpu, &params, self.rows.len() as u32)?,
         }
+        self.visible.clear();
+        self.visible.extend((0..).zip(&self.wishes).filter(|&(_, &wish)| wish > 0).map(|(number, _)| number));
         Ok(self.gpu.is_some())
     }
 

@@ -1,4 +1,4 @@
-// draw: the active triangles of one batch, lit, and the background behind them.
+// draw: the active triangles of one batch, lit, boxes for what is not there, and the background behind them.
 //
 // Reads   the frame (uniform), one row per instance of the batch, active vertices (vertex buffer) and the index
 //         buffer with its indirect arguments.
@@ -105,5 +105,33 @@ fn draw_vertex(@location(0) active_vertex: vec4<u32>) -> Corner {
     } else {
         corner.colour = colour_from_8888(row.colour);
     }
+    return corner;
+}
+
+// A box: corner `index` of the 36 of the unit cube's triangles, two a face, placed by a row.
+@vertex
+fn box_vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) number: u32) -> Corner {
+    let row = instances[number];
+    let face = index / 6u;
+    let axis = face >> 1u;
+    let side = f32(face & 1u);
+    // Of the two triangles 0 1 2 and 0 2 3 of a square.
+    let along = vec2<f32>(f32((0x16u >> (index % 6u)) & 1u), f32((0x34u >> (index % 6u)) & 1u));
+    var place = vec3<f32>(side, along.x, along.y);
+    var normal = vec3<f32>(2.0 * side - 1.0, 0.0, 0.0);
+    if axis == 1u {
+        place = place.yxz;
+        normal = normal.yxz;
+    } else if axis == 2u {
+        place = place.yzx;
+        normal = normal.yzx;
+    }
+    let translation_high = vec3<f32>(row.column_0.w, row.column_1.w, row.column_2.w);
+    let origin = (translation_high - frame.eye_high) + (row.translation_low - frame.eye_low);
+    var corner: Corner;
+    corner.relative = row.column_0.xyz * place.x + row.column_1.xyz * place.y + row.column_2.xyz * place.z + origin;
+    corner.clip = frame.clip_from_relative * vec4<f32>(corner.relative, 1.0);
+    corner.normal = world_normal(row, normal);
+    corner.colour = colour_from_8888(row.colour);
     return corner;
 }

@@ -10,10 +10,13 @@
 //!
 //! A frame in which nothing changed does only stages 1 and 7, and stage 1 finds out by comparing two cameras.
 
+mod boxes;
+mod caps;
 mod content;
 mod mirror;
 mod plan;
 mod rebuild;
+mod squeeze;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -28,13 +31,16 @@ use crate::scene::Scene;
 use crate::scene::camera::Camera;
 use crate::select::states::StateChooser;
 use crate::select::{SelectOn, Wishes};
-use crate::stats::FrameRecord;
+use crate::stats::{FrameRecord, memory};
 use crate::stream::gather::BatchUpload;
 use crate::stream::staging::Staging;
 use crate::stream::{Delta, Residency, ResidencyError, State, Strategy};
+use boxes::Boxes;
+use caps::residency_options;
 pub use content::ContentDigest;
 use mirror::Mirror;
 use rebuild::Rebuild;
+use squeeze::Squeeze;
 
 /// Why a frame could not be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -48,6 +54,18 @@ pub enum FrameError {
     /// The file.
     #[error(transparent)]
     Residency(#[from] ResidencyError),
+    /// A cap is too small for anything to be drawn.
+    #[error(
+        "a cap of {cap_bytes} bytes of {what} is too little for this model: at least {need_bytes} are needed"
+    )]
+    CapTooSmall {
+        /// Of what.
+        what: &'static str,
+        /// The cap.
+        cap_bytes: u64,
+        /// The least that works.
+        need_bytes: u64,
+    },
     /// One part alone is more than a batch may hold.
     #[error(
         "the parts in view do not fit {limit_bytes} bytes a batch even with one instance in each; \
@@ -88,8 +106,14 @@ pub struct Settings {
     pub passes: PassesOn,
     /// Bytes of deltas a frame at most; what is over it waits. `None`: no cap.
     pub upload_limit_bytes: Option<u64>,
+    /// Bytes of GPU memory that may be used; `None`: no cap.
+    pub gpu_limit_bytes: Option<u64>,
     /// Bytes of the largest buffer; `None`: what the adapter can bind.
     pub batch_limit_bytes: Option<u64>,
+    /// Bytes of memory that may be used for the model, its tables and what belongs to them; `None`: no cap.
+    pub memory_limit_bytes: Option<u64>,
+    /// Bytes a second that are read at most, as from a slow disk; `None`: as fast as it goes.
+    pub read_rate: Option<u64>,
     /// Whether every frame waits until all it wants has been read, so that pictures are reproducible.
     pub settle: bool,
     /// Whether to wait for each stage of the GPU's work, so that the transfer can be timed by itself.
@@ -113,7 +137,10 @@ impl Default for Settings {
             select: SelectOn::Gpu,
             passes: PassesOn::Gpu,
             upload_limit_bytes: None,
+            gpu_limit_bytes: None,
             batch_limit_bytes: None,
+            memory_limit_bytes: None,
+            read_rate: None,
             settle: true,
             time_stages: true,
             width: 1280,
@@ -142,6 +169,16 @@ pub struct Renderer {
     states: Vec<State>,
     /// What it shall hold.
     wanted: Vec<State>,
+    /// The instances of which the GPU holds something, ascending.
+    held: Vec<u32>,
+    /// Those of which it holds something or shall hold something.
+    touched: Vec<u32>,
+    /// Per part, its place in the list of what is wanted.
+    slots: Vec<u32>,
+    /// For each visible instance how long its box seems, in pixels.
+    seen_px: Vec<f32>,
+    boxes: Boxes,
+    squeeze: Squeeze,
     view: Option<Camera>,
     frames_at_rest: u32,
     /// Whether the last frame left something for the next.
@@ -153,7 +190,15 @@ pub struct Renderer {
     frame: u64,
     /// What `whole` sends a frame, the camera apart.
     bytes_of_whole: u64,
+    /// What was sent of boxes in this frame, whatever the strategy.
+    bytes_of_boxes: u64,
     visible: u64,
+    /// Vertices that the last choice granted.
+    granted: u64,
+    /// Vertices of the coarsest states of what it granted.
+    floors: u64,
+    /// Of all of it, sent at once.
+    largest_part_bytes: u64,
 }
 
 /// As many as a query set holds: four passes a batch, and the draw.
@@ -178,12 +223,18 @@ impl Renderer {
             timer: Timer::new(&gpu, MOST_TIMED_PASSES)?,
             wishes: Wishes::new(&gpu, &scene, settings.select)?,
             chooser: StateChooser::default(),
-            residency: Residency::new(&scene),
+            residency: Residency::new(&scene, residency_options(&scene, &settings)?),
             staging: Staging::default(),
             batches: Vec::new(),
             mirrors: Vec::new(),
             states: vec![State::default(); instances],
             wanted: vec![State::default(); instances],
+            held: Vec::new(),
+            touched: Vec::new(),
+            slots: vec![0; scene.parts().len()],
+            seen_px: Vec::new(),
+            boxes: Boxes::new(&gpu, &draw)?,
+            squeeze: Squeeze::default(),
             view: None,
             frames_at_rest: 0,
             pending: false,
@@ -191,7 +242,11 @@ impl Renderer {
             settled: false,
             frame: 0,
             bytes_of_whole: 0,
+            bytes_of_boxes: 0,
             visible: 0,
+            granted: 0,
+            floors: 0,
+            largest_part_bytes: caps::largest_part_bytes(&scene),
             draw,
             gpu,
             scene,
@@ -208,17 +263,21 @@ impl Renderer {
     /// Damaged data, or whatever went wrong on the device.
     pub fn frame(&mut self, camera: &Camera) -> Result<FrameRecord, FrameError> {
         let started = Instant::now();
+        let faults = memory::thread_major_faults();
         let mut record = FrameRecord { frame: self.frame, ..FrameRecord::default() };
         self.timer.start();
 
         self.select(camera, &mut record)?;
-        self.residency(&mut record)?;
+        self.residency(camera, &mut record)?;
+        self.keep_caps(camera, &mut record)?;
         let deltas = self.delta(&mut record)?;
         let uploads = self.upload(&deltas, &mut record)?;
         self.defragment_and_reform(&uploads, &mut record)?;
         self.draw(camera, &mut record)?;
 
         record.frame_ms = milliseconds_since(started);
+        record.major_faults =
+            memory::thread_major_faults().zip(faults).map_or(0, |(now, before)| now - before);
         self.count(&mut record)?;
         self.frame += 1;
         Ok(record)
@@ -232,6 +291,7 @@ impl Renderer {
         self.view = Some(*camera);
         self.settled = self.frames_at_rest >= FRAMES_TO_REST && !self.pending && !self.changed;
         if self.frames_at_rest < FRAMES_TO_REST {
+            self.squeeze.begin(self.share_of_caps(), moved);
             let view = self.select_view(camera);
             if self.wishes.update(&self.gpu, &view)? {
                 record.compute_passes += 1;
@@ -250,12 +310,12 @@ impl Renderer {
             eye: camera.eye.to_array(),
             planes,
             focal_px: camera.focal_px(self.settings.height),
-            min_area_px: 1.0,
+            min_area_px: self.squeeze.least_area_px(),
             max_area_px: self.settings.width as f32 * self.settings.height as f32,
             alpha: self.settings.alpha,
             error_px: self.settings.error_px,
             dead_band: self.dead_band(),
-            budget: self.settings.budget_vertices,
+            budget: self.squeeze.budget(self.settings.budget_vertices),
         }
     }
 
@@ -269,24 +329,34 @@ impl Renderer {
     }
 
     /// Stage 2. Skipped at rest once everything has arrived.
-    fn residency(&mut self, record: &mut FrameRecord) -> Result<(), FrameError> {
+    fn residency(&mut self, camera: &Camera, record: &mut FrameRecord) -> Result<(), FrameError> {
         let started = Instant::now();
         self.residency.receive()?;
         if !self.settled {
-            self.request_wished()?;
+            let wanted = self.wanted_parts(camera);
+            self.residency.plan(&wanted);
             if self.settings.settle {
                 self.residency.settle()?;
             }
             let keep = self.dead_band() > 0.0;
-            let choice =
-                self.chooser.choose(&self.scene, &self.residency, self.wishes.get(), keep, &mut self.wanted);
+            let wishes = (self.wishes.get(), self.wishes.visible());
+            let choice = self.chooser.choose(&self.scene, &self.residency, wishes, keep, &mut self.wanted);
+            // What was held back and is no longer wished for is not in the chooser's hands.
+            for &instance in self.held.iter().filter(|&&instance| !self.chooser.draws(instance)) {
+                self.wanted[instance as usize] = State::default();
+            }
+            self.touched = plan::merged(&self.held, self.chooser.drawn());
             self.visible = choice.visible.into();
-            self.pending = choice.misses > 0;
+            self.pending = self.residency.is_waiting();
             record.misses = choice.misses.into();
+            record.wished_vertices = choice.wished;
+            (self.granted, self.floors) = (choice.granted, choice.floors);
         }
-        record.disk_bytes = self.residency.take_bytes_read();
+        record.disk_bytes += self.residency.take_bytes_read();
+        record.evicted_bytes += self.residency.take_bytes_evicted();
         record.resident_bytes = self.residency.bytes_held();
-        record.residency_ms = milliseconds_since(started);
+        record.memory_bytes = self.memory_bytes();
+        record.residency_ms += milliseconds_since(started);
         Ok(())
     }
 
@@ -304,10 +374,11 @@ impl Renderer {
             record.streamed_triangles += layout.triangles;
             record.bytes_tables += size_of_val(upload.grants.as_slice()) as u64;
         }
+        let sizing = self.sizing();
         for (batch, upload) in self.batches.iter_mut().zip(&uploads).filter(|(_, upload)| !upload.is_empty())
         {
             let grants = upload.grants.len() as u64;
-            batch.ensure(&self.gpu, upload.totals, upload.layout.words(), grants)?;
+            batch.ensure(&self.gpu, upload.totals, upload.layout.words(), grants, sizing)?;
         }
         match (self.settings.passes, self.settings.strategy) {
             (PassesOn::Reference, _) => {}
@@ -336,6 +407,9 @@ impl Renderer {
     /// Stage 7.
     fn draw(&mut self, camera: &Camera, record: &mut FrameRecord) -> Result<(), FrameError> {
         let started = Instant::now();
+        self.bytes_of_boxes = if self.settled { 0 } else { self.place_boxes()? };
+        record.bytes_tables += self.bytes_of_boxes;
+        record.boxes = self.boxes.count();
         let uniform = FrameUniform::new(camera, self.target.aspect(), Mode::Material);
         if self.frames_at_rest == 0 {
             self.draw.write_frame(&self.gpu.queue, &uniform);
@@ -354,7 +428,7 @@ impl Renderer {
             })
             .collect();
         let mut encoder = self.gpu.encoder("draw");
-        self.draw.record(&mut encoder, &self.target, &drawn, self.timer.render("draw"));
+        self.draw.record(&mut encoder, &self.target, &drawn, self.boxes.drawn(), self.timer.render("draw"));
         self.timer.resolve(&mut encoder);
         self.gpu.submit(encoder)?;
         self.gpu.wait()?;
@@ -389,10 +463,11 @@ impl Renderer {
         record.bytes_sent =
             record.bytes_vertices + record.bytes_ecol + record.bytes_triangles + record.bytes_tables;
         let camera = if self.frames_at_rest == 0 { size_of::<FrameUniform>() as u64 } else { 0 };
-        let all = self.bytes_of_whole + camera;
+        let all = self.bytes_of_whole + camera + self.bytes_of_boxes;
         record.bytes_whole = all;
         record.bytes_per_part = all;
         record.gpu_bytes = self.gpu_bytes();
+        record.drawn_area_permille = self.drawn_area_permille();
         Ok(())
     }
 
@@ -403,6 +478,7 @@ impl Renderer {
             + self.wishes.gpu_bytes()
             + self.rebuild.size_bytes()
             + self.target.gpu_bytes()
+            + self.boxes.size_bytes()
     }
 
     /// The picture.

@@ -18,6 +18,7 @@ use collapsar::import::{Material, Node};
 use collapsar::reference::select::{SelectView, select};
 use collapsar::scene::{CameraPath, Scene};
 use collapsar::select::{StateChooser, select_rows};
+use collapsar::stream::residency::{ResidencyOptions, Wanted};
 use collapsar::stream::{Residency, State};
 use glam::{DAffine3, DQuat, DVec3};
 use proptest::prelude::*;
@@ -81,12 +82,16 @@ fn view_of(scene: &Scene, frame: u64, budget: u32, dead_band: f32) -> SelectView
 
 /// Everything that exists, in memory.
 fn everything(scene: &Arc<Scene>) -> Residency {
-    let mut residency = Residency::new(scene);
-    for part in 0..scene.parts().len() as u32 {
-        residency.request(part, 0).unwrap();
-    }
+    let mut residency = Residency::new(scene, ResidencyOptions::default());
+    let all = (0..scene.parts().len() as u32).map(|part| Wanted { part, tier: 0, weight: 1.0 });
+    residency.plan(&all.collect::<Vec<_>>());
     residency.settle().unwrap();
     residency
+}
+
+/// The instances with a wish.
+fn wished(wishes: &[u32]) -> Vec<u32> {
+    (0..wishes.len() as u32).filter(|&instance| wishes[instance as usize] > 0).collect()
 }
 
 fn placements() -> impl Strategy<Value = Vec<([f64; 3], f64)>> {
@@ -119,7 +124,7 @@ proptest! {
             let budget = least + ((most - least) as f64 * share) as u64;
             let view = view_of(&scene, frame as u64 / 3, budget.max(1) as u32, dead_band);
             wishes = select(&rows, &view.params(rows.len() as u32), &wishes);
-            chooser.choose(&scene, &residency, &wishes, dead_band > 0.0, &mut states);
+            chooser.choose(&scene, &residency, (&wishes, &wished(&wishes)), dead_band > 0.0, &mut states);
             let spent: u64 = states.iter().map(|state| u64::from(state.vertices)).sum();
             if !visible.is_empty() {
                 spendable += 1;
@@ -150,7 +155,7 @@ proptest! {
         view.min_area_px = 0.0;
         let wishes = select(&rows, &view.params(rows.len() as u32), &none);
         let mut states = vec![State::default(); rows.len()];
-        StateChooser::default().choose(&scene, &residency, &wishes, false, &mut states);
+        StateChooser::default().choose(&scene, &residency, (&wishes, &wished(&wishes)), false, &mut states);
         let spent: u64 = states.iter().map(|state| u64::from(state.vertices)).sum();
         let least: u64 = rows.iter().map(|row| u64::from(row.floor)).sum();
         prop_assert!(u64::from(budget) >= least);
@@ -173,7 +178,7 @@ fn check_state(scene: &Scene, residency: &Residency, part: u32, state: State) ->
         return Ok(());
     }
     let at = residency.part(part).triangles_at();
-    let tier = &scene.tiers(part)[state.tier as usize].row;
+    let tier = &scene.tiers(part)[state.tier as usize];
     prop_assert!(at.is_state(state.vertices as usize), "{} is inside a group", state.vertices);
     prop_assert_eq!(state.triangles, at.count_at(state.vertices as usize));
     prop_assert!(state.vertices <= tier.vertices && state.triangles <= tier.triangles);

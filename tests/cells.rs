@@ -23,6 +23,7 @@ use collapsar::geometry::{Boundary, OrderedPart};
 use collapsar::import::SourceMesh;
 use collapsar::scene::Scene;
 use collapsar::select::StateChooser;
+use collapsar::stream::residency::{ResidencyOptions, Wanted};
 use collapsar::stream::{Residency, State};
 
 type Edge = [[u32; 3]; 2];
@@ -220,25 +221,25 @@ fn a_parent_stands_in_for_cells_that_have_not_arrived() {
     let scene = cut_scene();
     let leaves = scene.parts().iter().filter(|part| !part.is_parent()).count();
     assert!(scene.has_parents() && leaves >= 2 && scene.parts()[0].is_root());
-    let mut residency = Residency::new(&scene);
+    let mut residency = Residency::new(&scene, ResidencyOptions::default());
     let coarsest = |part: u32| scene.tiers(part).len() as u32 - 1;
     let wishes: Vec<u32> =
         scene.parts().iter().map(|part| if part.is_parent() { 0 } else { part.vertices }).collect();
     let choose = |residency: &Residency| {
         let mut states = vec![State::default(); wishes.len()];
-        let choice = StateChooser::default().choose(&scene, residency, &wishes, false, &mut states);
+        let visible: Vec<u32> = (0..wishes.len() as u32).filter(|&i| wishes[i as usize] > 0).collect();
+        let wishes = (&wishes[..], &visible[..]);
+        let choice = StateChooser::default().choose(&scene, residency, wishes, false, &mut states);
         (states.iter().map(|state| state.vertices).collect::<Vec<_>>(), choice.misses)
     };
-    residency.request(0, 0).unwrap();
-    residency.request(1, coarsest(1)).unwrap();
+    let want = |part, tier| Wanted { part, tier, weight: 1.0 };
+    residency.plan(&[want(0, 0), want(1, coarsest(1))]);
     residency.settle().unwrap();
     let mut parent_only = vec![0; wishes.len()];
     parent_only[0] = scene.parts()[0].vertices;
     // One leaf has arrived, the others have not: all are replaced, and all are still missed.
     assert_eq!(choose(&residency), (parent_only, leaves as u32));
-    for part in 1..wishes.len() as u32 {
-        residency.request(part, 0).unwrap();
-    }
+    residency.plan(&(0..wishes.len() as u32).map(|part| want(part, 0)).collect::<Vec<_>>());
     residency.settle().unwrap();
     assert_eq!(choose(&residency), (wishes.clone(), 0));
 }

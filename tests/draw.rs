@@ -101,7 +101,7 @@ fn draw(gpu: &TestDevice, scene: &Scene, samples: u32, mode: Mode) -> Target {
         indirect_offset: 0,
     };
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    pass.record(&mut encoder, &target, &[batch], None);
+    pass.record(&mut encoder, &target, &[batch], None, None);
     gpu.queue.submit([encoder.finish()]);
     target
 }

@@ -46,6 +46,9 @@ fn truck() -> Arc<Scene> {
 }
 
 const SMALL: Settings = Settings {
+    memory_limit_bytes: None,
+    read_rate: None,
+    gpu_limit_bytes: None,
     budget_vertices: 12_000,
     alpha: 3.0,
     error_px: 0.0,

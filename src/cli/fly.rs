@@ -71,6 +71,16 @@ pub struct FlyArguments {
     /// Send about so many bytes of deltas a frame (whole instances, one at least); the rest comes in later frames.
     #[arg(long, value_name = "BYTES", value_parser = values::bytes)]
     upload_per_frame: Option<u64>,
+    /// The most memory for the model: its tables, the chunks that have been read, and what belongs to them. KiB, MiB and
+    /// GiB work.
+    #[arg(long, value_name = "BYTES", value_parser = values::bytes)]
+    memory: Option<u64>,
+    /// The most GPU memory, buffers and picture together (kept by strategy coherent; the others send everything anew).
+    #[arg(long, value_name = "BYTES", value_parser = values::bytes)]
+    gpu_memory: Option<u64>,
+    /// Read no more than so many bytes a second, as from a slow disk.
+    #[arg(long, value_name = "BYTES", value_parser = values::bytes)]
+    read_rate: Option<u64>,
     /// Bytes of the largest GPU buffer; smaller than the adapter's own limit to try several batches.
     #[arg(long, value_name = "BYTES", value_parser = values::bytes)]
     batch_limit: Option<u64>,
@@ -151,6 +161,9 @@ fn settings(arguments: &FlyArguments) -> Settings {
         select: if arguments.reference.is_some() { SelectOn::Cpu } else { arguments.select },
         passes: if arguments.reference.is_some() { PassesOn::Reference } else { PassesOn::Gpu },
         upload_limit_bytes: arguments.upload_per_frame,
+        memory_limit_bytes: arguments.memory,
+        gpu_limit_bytes: arguments.gpu_memory,
+        read_rate: arguments.read_rate,
         batch_limit_bytes: arguments.batch_limit,
         settle: !arguments.live,
         width: arguments.size.0,

@@ -32,7 +32,7 @@ pub struct ChunkSpec {
 
 impl ChunkSpec {
     /// From the rows of a part's chunks, finest first. `tier` is the index of one of them.
-    pub(super) fn new(part: u32, part_row: &PartRow, rows: &[ChunkRow], tier: usize) -> Self {
+    pub(crate) fn new(part: u32, part_row: &PartRow, rows: &[ChunkRow], tier: usize) -> Self {
         let below = rows.get(tier + 1);
         Self {
             part,

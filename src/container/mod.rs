@@ -49,6 +49,15 @@ pub enum ContainerError {
         /// The least number of bytes that there should be.
         need: u64,
     },
+    /// The system refuses to read.
+    #[error("cannot read a part of the model: {cause}")]
+    Read {
+        /// The system's words.
+        cause: io::Error,
+    },
+    /// The file ends earlier than when it was opened.
+    #[error("this container was cut short while it was open: copy or bake it again")]
+    CutShort,
     /// Another version of the format.
     #[error(
         "this file is format version {found}; this program reads version {}: bake the model again, or use a newer \

@@ -42,6 +42,9 @@ impl<'a> Container<'a> {
     /// As [`open`](Self::open).
     pub fn open_tables(bytes: &'a [u8], file_bytes: u64) -> Result<Self, ContainerError> {
         let header = read_header(bytes, file_bytes)?;
+        if (bytes.len() as u64) < header.payload_offset {
+            return Err(ContainerError::Truncated { have: bytes.len() as u64, need: header.payload_offset });
+        }
         let sections = read_section_table(bytes, &header)?;
         let mut next = SECTIONS_START;
         let mut section = |row: &SectionRow, kind| section_bytes(bytes, &header, row, kind, &mut next);
@@ -63,6 +66,26 @@ impl<'a> Container<'a> {
         tables.check(&header)?;
         let Tables { parts, chunks, instances, nodes, materials, names } = tables;
         Ok(Self { bytes, header, sections, parts, chunks, instances, nodes, materials, names })
+    }
+
+    /// How many bytes precede the payload, by the first bytes of a file: those before the first section, if it has so
+    /// many.
+    ///
+    /// # Errors
+    /// A header or a section table that is not as `docs/format.md` says.
+    pub fn table_bytes(start: &[u8], file_bytes: u64) -> Result<usize, ContainerError> {
+        let header = read_header(start, file_bytes)?;
+        read_section_table(start, &header)?;
+        let too_large = || malformed("the header", "its tables are larger than memory can be".to_owned());
+        usize::try_from(header.payload_offset).map_err(|_| too_large())
+    }
+
+    /// Where the rows of a section lie in the file.
+    pub fn section_range(&self, kind: SectionKind) -> Range<usize> {
+        let row = &self.sections[kind as usize - 1];
+        // In range: the section has been cut out of the bytes.
+        let start = row.offset as usize;
+        start..start + (row.rows * u64::from(row.row_bytes)) as usize
     }
 
     /// The header.
@@ -222,9 +245,6 @@ fn read_header(bytes: &[u8], file_bytes: u64) -> Result<Header, ContainerError> 
         return Err(ContainerError::Truncated { have: file_bytes, need: header.file_bytes });
     }
     check_header(&header, file_bytes).map_err(|problem| malformed("the header", problem))?;
-    if (bytes.len() as u64) < header.payload_offset {
-        return Err(truncated(header.payload_offset));
-    }
     Ok(header)
 }
 
@@ -256,8 +276,9 @@ fn check_header(header: &Header, file_bytes: u64) -> Result<(), String> {
 }
 
 fn read_section_table(bytes: &[u8], header: &Header) -> Result<[SectionRow; SECTIONS], ContainerError> {
-    // In range: the payload starts after the table and before the end of the bytes.
-    let table = &bytes[size_of::<Header>()..SECTIONS_START as usize];
+    let (have, need) = (bytes.len() as u64, SECTIONS_START);
+    let table =
+        bytes.get(size_of::<Header>()..need as usize).ok_or(ContainerError::Truncated { have, need })?;
     if checksum(table) != header.table_checksum {
         return Err(ContainerError::Checksum { what: "the section table".to_owned() });
     }

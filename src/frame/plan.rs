@@ -3,12 +3,16 @@
 use std::ops::Range;
 use std::time::Instant;
 
+use glam::DVec3;
+
 use super::{DRAW_BYTES, FrameError, PassesOn, Renderer, milliseconds_since};
 use crate::gpu::batch::{Batch, STREAMS, fits};
 use crate::gpu::layout::Grant;
+use crate::scene::{Camera, InstanceBox};
 use crate::select::states::coarsest_tier_with;
 use crate::stats::FrameRecord;
 use crate::stream::gather::{BatchUpload, StreamedLayout};
+use crate::stream::residency::Wanted;
 use crate::stream::{Delta, State, Strategy};
 
 /// Streamed and active bytes that a budgeted vertex takes in the largest buffer, about: 12 for itself, 8 for its share
@@ -41,6 +45,7 @@ impl Renderer {
         self.batches.clear();
         self.mirrors.clear();
         self.states.fill(State::default());
+        self.held.clear();
         for first in 0..batches {
             let instances: Vec<u32> = (first as u32..count as u32).step_by(batches).collect();
             let rows = self.instance_rows(&instances);
@@ -53,34 +58,46 @@ impl Renderer {
         Ok(())
     }
 
-    /// Asks for every tier that a wish needs: the coarsest of everything first, so that all of the picture is there
-    /// early, then the finer ones, those of the largest wishes first.
-    pub(super) fn request_wished(&mut self) -> Result<(), FrameError> {
-        let instances = self.scene.instances();
-        let wished = self.wishes.get().iter().zip(instances).filter(|&(&wish, _)| wish > 0);
-        let mut wished: Vec<(u32, u32)> = wished.map(|(&wish, instance)| (wish, instance.part)).collect();
-        for part in self.wished_parents() {
-            self.residency.request(part, self.scene.tiers(part).len().saturating_sub(1) as u32)?;
+    /// What the view wants of every part: the tier that its largest wish needs, and of the parent cells of what is
+    /// wished for, which stand in until that has arrived, the coarsest.
+    pub(super) fn wanted_parts(&mut self, camera: &Camera) -> Vec<Wanted> {
+        let (instances, boxes) = (self.scene.instances(), self.scene.boxes());
+        let focal_px = f64::from(camera.focal_px(self.settings.height));
+        let mut wanted: Vec<Wanted> = Vec::new();
+        let mut seen_px = std::mem::take(&mut self.seen_px);
+        seen_px.clear();
+        let mut want = |slots: &mut [u32], instance: u32, wish: Option<u32>| {
+            let part = instances[instance as usize].part;
+            let tiers = self.scene.tiers(part);
+            let coarsest = tiers.len().saturating_sub(1) as u32;
+            let sizes = tiers.iter().map(|tier| tier.vertices);
+            let tier = wish.map_or(coarsest, |wish| coarsest_tier_with(sizes, wish));
+            let px = diagonal_px(&boxes[instance as usize], camera.eye, focal_px) as f32;
+            let weight = px.powi(3);
+            let slot = &mut slots[part as usize];
+            match wanted.get_mut(*slot as usize).filter(|known| known.part == part) {
+                Some(known) => {
+                    known.tier = known.tier.min(tier);
+                    known.weight += weight;
+                }
+                None => {
+                    *slot = wanted.len() as u32;
+                    wanted.push(Wanted { part, tier, weight });
+                }
+            }
+            px
+        };
+        for &instance in self.wishes.visible() {
+            let wish = self.wishes.get()[instance as usize];
+            seen_px.push(want(&mut self.slots, instance, Some(wish)));
+            let mut above = self.scene.parent_instance(instance);
+            while let Some(parent) = above {
+                want(&mut self.slots, parent, None);
+                above = self.scene.parent_instance(parent);
+            }
         }
-        for &(_, part) in &wished {
-            self.residency.request(part, self.scene.tiers(part).len().saturating_sub(1) as u32)?;
-        }
-        wished.sort_unstable_by_key(|&(wish, part)| (std::cmp::Reverse(wish), part));
-        for (wish, part) in wished {
-            let sizes = self.scene.tiers(part).iter().map(|tier| tier.row.vertices);
-            self.residency.request(part, coarsest_tier_with(sizes, wish))?;
-        }
-        Ok(())
-    }
-
-    /// The parts of the parent cells of what is wished for, which stand in until that has arrived.
-    fn wished_parents(&self) -> Vec<u32> {
-        if !self.scene.has_parents() {
-            return Vec::new();
-        }
-        let wished = self.wishes.get().iter().enumerate().filter(|&(_, &wish)| wish > 0);
-        let parents = wished.filter_map(|(instance, _)| self.scene.parent_instance(instance as u32));
-        parents.map(|parent| self.scene.instances()[parent as usize].part).collect()
+        self.seen_px = seen_px;
+        wanted
     }
 
     /// Stage 3: the deltas of every batch, in the order of its instances. Instances whose delta no longer fits the
@@ -92,37 +109,36 @@ impl Renderer {
         let started = Instant::now();
         self.deal_again_if_a_batch_overflows()?;
         self.hold_back_what_exceeds_the_cap();
-        self.bytes_of_whole = self.batches.iter().map(|batch| self.bytes_of_all(batch)).sum();
-        let deltas: Vec<Vec<Delta>> = self.batches.iter().map(|batch| self.deltas_of(batch)).collect();
+        self.bytes_of_whole = self.everything().iter().map(|deltas| bytes_of_all(deltas)).sum();
+        let deltas = self.deltas_by_batch(|delta| delta.old != delta.new);
         self.changed = deltas.iter().any(|deltas| !deltas.is_empty());
         record.delta_ms = milliseconds_since(started);
         Ok(deltas)
     }
 
-    /// What `whole` sends of a batch: all records of what is drawn, a grant for what is or was, and the arguments of
-    /// the draw if there is any.
-    fn bytes_of_all(&self, batch: &Batch) -> u64 {
-        let all = self.everything_of(batch);
-        let records: u64 = all.iter().map(|delta| delta.lack(Strategy::Whole).bytes()).sum();
-        let draw = if all.is_empty() { 0 } else { DRAW_BYTES };
-        records + draw + (all.len() * size_of::<Grant>()) as u64
+    /// The changes of what the GPU holds or shall hold, as far as they are asked for, by batch, in the order of the
+    /// instances.
+    fn deltas_by_batch(&self, is_asked: impl Fn(&Delta) -> bool) -> Vec<Vec<Delta>> {
+        let mut deltas = vec![Vec::new(); self.batches.len()];
+        for &instance in &self.touched {
+            let (old, new) = (self.states[instance as usize], self.wanted[instance as usize]);
+            let delta = Delta { instance, old, new };
+            if is_asked(&delta) {
+                // Dealt in turn.
+                deltas[instance as usize % self.batches.len()].push(delta);
+            }
+        }
+        deltas
     }
 
-    fn deltas_of(&self, batch: &Batch) -> Vec<Delta> {
-        batch
-            .instances
-            .iter()
-            .map(|&instance| {
-                let (old, new) = (self.states[instance as usize], self.wanted[instance as usize]);
-                Delta { instance, old, new }
-            })
-            .filter(|delta| delta.old != delta.new)
-            .collect()
+    /// What is or was drawn, whether it changes or not.
+    fn everything(&self) -> Vec<Vec<Delta>> {
+        self.deltas_by_batch(|delta| !(delta.old.is_empty() && delta.new.is_empty()))
     }
 
     /// The cap is on deltas whatever the strategy, so that all strategies draw the same.
     fn hold_back_what_exceeds_the_cap(&mut self) {
-        let Some(cap) = self.settings.upload_limit_bytes else { return };
+        let Some(cap) = self.upload_limit_bytes() else { return };
         let mut growing = self.growing_placements();
         // What is not drawn at all comes first, then what is cheap; but in every other frame what is dearest, so that
         // a part above the cap is not passed over for ever.
@@ -134,11 +150,19 @@ impl Renderer {
         for (i, (bytes, placement)) in growing.into_iter().enumerate() {
             spent += bytes;
             // The first goes whatever it takes: a cap below one part must not starve it.
-            if spent > cap && i > 0 {
+            if spent > cap && i > 0 && self.can_stay(&placement) {
                 self.wanted[placement.clone()].copy_from_slice(&self.states[placement]);
                 self.pending = true;
             }
         }
+    }
+
+    /// Whether all that the GPU holds of a placement is still in memory, so that it could be sent again.
+    fn can_stay(&self, placement: &Range<usize>) -> bool {
+        placement.clone().filter(|&number| !self.states[number].is_empty()).all(|number| {
+            let held = self.residency.part(self.scene.instances()[number].part);
+            held.finest().is_some_and(|finest| finest <= self.states[number].tier)
+        })
     }
 
     fn is_drawn(&self, placement: &Range<usize>) -> bool {
@@ -153,10 +177,14 @@ impl Renderer {
             Delta { instance: number as u32, old, new }
         };
         let mut growing: Vec<(u64, Range<usize>)> = Vec::new();
-        let mut first = 0;
-        while first < self.states.len() {
-            let placement = first..self.scene.placement_end(first as u32) as usize;
-            first = placement.end;
+        let mut end = 0;
+        for &instance in &self.touched {
+            if (instance as usize) < end {
+                continue;
+            }
+            let placement = self.scene.placement(instance);
+            let placement = placement.start as usize..placement.end as usize;
+            end = placement.end;
             let changed = placement.clone().filter(|&number| self.states[number] != self.wanted[number]);
             let bytes = changed.map(|number| delta(number).lack(Strategy::Coherent).bytes()).sum();
             if bytes > 0 {
@@ -169,7 +197,7 @@ impl Renderer {
     /// Doubles the number of batches until each fits its buffers; the check is the same for all strategies.
     fn deal_again_if_a_batch_overflows(&mut self) -> Result<(), FrameError> {
         let limit = self.batch_limit_bytes();
-        while !self.batches.iter().all(|batch| self.batch_fits(batch, limit)) {
+        while !self.totals().iter().all(|&totals| fits_batch(limit, totals)) {
             let batches = self.batches.len() * 2;
             if self.batches.len() >= self.scene.instances().len() {
                 return Err(FrameError::BatchTooSmall { limit_bytes: limit });
@@ -180,64 +208,83 @@ impl Renderer {
         Ok(())
     }
 
-    fn batch_fits(&self, batch: &Batch, limit: u64) -> bool {
-        let totals = totals_of(batch, &self.wanted);
-        let [vertices, ecol, triangles] = totals;
-        fits(limit, totals, StreamedLayout { vertices, ecol, triangles }.words())
+    /// Active elements of each stream that every batch will have.
+    pub(super) fn totals(&self) -> Vec<[u64; STREAMS]> {
+        let mut totals = vec![[0; STREAMS]; self.batches.len()];
+        for &instance in &self.touched {
+            let state = self.wanted[instance as usize];
+            let of_batch = &mut totals[instance as usize % self.batches.len()];
+            of_batch[0] += u64::from(state.vertices);
+            of_batch[1] += u64::from(state.ecol);
+            of_batch[2] += u64::from(state.triangles);
+        }
+        totals
     }
 
     /// What every batch is sent under the strategy: its deltas, or all of it in every frame, as in the paper.
     pub(super) fn plan_uploads(&mut self, deltas: &[Vec<Delta>]) -> Vec<BatchUpload> {
-        let strategy = self.settings.strategy;
-        let uploads = self
-            .batches
-            .iter()
-            .zip(deltas)
-            .map(|(batch, deltas)| match strategy {
-                Strategy::Coherent => self.upload_of(batch, deltas),
-                Strategy::Whole | Strategy::PerPart => self.upload_of(batch, &self.everything_of(batch)),
-            })
-            .collect();
+        let totals = self.totals();
+        let uploads = match self.settings.strategy {
+            Strategy::Coherent => self.uploads_of(deltas, &totals),
+            Strategy::Whole | Strategy::PerPart => self.uploads_of(&self.everything(), &totals),
+        };
         for delta in deltas.iter().flatten() {
             self.states[delta.instance as usize] = delta.new;
         }
+        self.held.clear();
+        let states = &self.states;
+        self.held.extend(self.touched.iter().filter(|&&instance| !states[instance as usize].is_empty()));
         uploads
     }
 
-    fn everything_of(&self, batch: &Batch) -> Vec<Delta> {
-        let all = batch.instances.iter().map(|&instance| Delta {
-            instance,
-            old: self.states[instance as usize],
-            new: self.wanted[instance as usize],
-        });
-        all.filter(|delta| !(delta.old.is_empty() && delta.new.is_empty())).collect()
-    }
-
-    fn upload_of(&self, batch: &Batch, deltas: &[Delta]) -> BatchUpload {
-        let mut upload = BatchUpload::default();
-        if !deltas.is_empty() {
-            upload.totals = totals_of(batch, &self.wanted);
-        }
+    fn uploads_of(&self, deltas: &[Vec<Delta>], totals: &[[u64; STREAMS]]) -> Vec<BatchUpload> {
         let stride = self.batches.len() as u32;
-        for delta in deltas {
-            let part = self.scene.instances()[delta.instance as usize].part;
-            // Dealt in turn: the batch-local number of an instance is its number divided by that of batches.
-            let local = delta.instance / stride;
-            debug_assert_eq!(batch.instances[local as usize], delta.instance);
-            upload.push(local, part, delta, self.settings.strategy);
-        }
-        upload
+        let of_batch = |(deltas, totals): (&Vec<Delta>, &[u64; STREAMS])| {
+            let mut upload = BatchUpload::default();
+            if !deltas.is_empty() {
+                upload.totals = *totals;
+            }
+            for delta in deltas {
+                let part = self.scene.instances()[delta.instance as usize].part;
+                // Dealt in turn: the batch-local number of an instance is its number divided by that of batches.
+                upload.push(delta.instance / stride, part, delta, self.settings.strategy);
+            }
+            upload
+        };
+        deltas.iter().zip(totals).map(of_batch).collect()
     }
 }
 
-/// Active elements of each stream that a batch will have.
-fn totals_of(batch: &Batch, wanted: &[State]) -> [u64; STREAMS] {
-    let mut totals = [0; STREAMS];
-    for &instance in &batch.instances {
-        let state = wanted[instance as usize];
-        totals[0] += u64::from(state.vertices);
-        totals[1] += u64::from(state.ecol);
-        totals[2] += u64::from(state.triangles);
-    }
-    totals
+fn fits_batch(limit: u64, totals: [u64; STREAMS]) -> bool {
+    let [vertices, ecol, triangles] = totals;
+    fits(limit, totals, StreamedLayout { vertices, ecol, triangles }.words())
+}
+
+/// What `whole` sends of a batch: all records of what is drawn, a grant for what is or was, and the arguments of the draw
+/// if there is any.
+fn bytes_of_all(all: &[Delta]) -> u64 {
+    let records: u64 = all.iter().map(|delta| delta.lack(Strategy::Whole).bytes()).sum();
+    let draw = if all.is_empty() { 0 } else { DRAW_BYTES };
+    records + draw + (all.len() * size_of::<Grant>()) as u64
+}
+
+/// How long a box seems, in pixels, as seen from no nearer than its own surface.
+fn diagonal_px(bounds: &InstanceBox, eye: DVec3, focal_px: f64) -> f64 {
+    let distance = (bounds.centre - eye).length() - 0.5 * bounds.diagonal;
+    focal_px * bounds.diagonal / distance.max(0.05 * bounds.diagonal).max(f64::MIN_POSITIVE)
+}
+
+/// Two ascending lists in one.
+pub(super) fn merged(a: &[u32], b: &[u32]) -> Vec<u32> {
+    let (mut a, mut b) = (a.iter().copied().peekable(), b.iter().copied().peekable());
+    std::iter::from_fn(|| match (a.peek(), b.peek()) {
+        (Some(x), Some(y)) if x == y => {
+            b.next();
+            a.next()
+        }
+        (Some(x), Some(y)) if x > y => b.next(),
+        (Some(_), _) => a.next(),
+        (None, _) => b.next(),
+    })
+    .collect()
 }

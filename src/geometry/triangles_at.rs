@@ -51,6 +51,7 @@ impl TrianglesAt {
             self.sampled.push(0);
         }
         self.overflow.extend_from_slice(overflow);
+        self.added.reserve_exact(added.len());
         let mut total = self.count_at(self.added.len());
         for &byte in added {
             let vertex = self.added.len();
@@ -60,6 +61,15 @@ impl TrianglesAt {
                 self.sampled.push(total);
             }
         }
+    }
+
+    /// Forgets all vertices but the first `count`.
+    pub fn truncate(&mut self, count: usize) {
+        self.added.truncate(count);
+        self.sampled.truncate(self.added.len() / STRIDE + 1);
+        let known = self.overflow.partition_point(|entry| (entry.0 as usize) < count);
+        self.overflow.truncate(known);
+        self.added.shrink_to_fit();
     }
 
     /// How many vertices are known.

@@ -130,16 +130,25 @@ impl Batch {
         totals: [u64; STREAMS],
         streamed_words: u64,
         grants: u64,
+        sizing: Sizing,
     ) -> Result<(), GpuError> {
         for stream in 0..STREAMS {
             let bytes = totals[stream] * ACTIVE_BYTES[stream];
-            grow(gpu, &mut self.active[1 - self.existing][stream], bytes, |gpu, size| {
+            sizing.fit(gpu, &mut self.active[1 - self.existing][stream], bytes, |gpu, size| {
                 active_buffer(gpu, stream, size)
             })?;
         }
-        grow(gpu, &mut self.indices, totals[2] * INDEX_BYTES, index_buffer)?;
-        grow(gpu, &mut self.streamed, streamed_words * 4, |gpu, size| gpu.storage("streamed", size))?;
-        grow(gpu, &mut self.grants, grants * 16, |gpu, size| gpu.storage("grants", size))
+        sizing.fit(gpu, &mut self.indices, totals[2] * INDEX_BYTES, index_buffer)?;
+        let storage = |label: &'static str| move |gpu: &Gpu, size: u64| gpu.storage(label, size);
+        sizing.fit(gpu, &mut self.streamed, streamed_words * 4, storage("streamed"))?;
+        sizing.fit(gpu, &mut self.grants, grants * 16, storage("grants"))
+    }
+
+    /// Bytes of the buffers whose size does not depend on what is drawn.
+    pub fn fixed_bytes(&self) -> u64 {
+        let threes =
+            [&self.budgets, &self.streamed_counts, &self.streamed_starts].into_iter().chain(&self.starts);
+        threes.flatten().chain([&self.indirect, &self.rows]).map(wgpu::Buffer::size).sum()
     }
 
     /// Bytes of all its buffers.
@@ -170,16 +179,59 @@ fn active_buffer(gpu: &Gpu, stream: usize, size: u64) -> Result<wgpu::Buffer, Gp
     gpu.buffer(&format!("active {}", NAMES[stream]), size, usage)
 }
 
-/// Replaces a buffer that is too small; what it held is lost.
-fn grow(
-    gpu: &Gpu,
-    buffer: &mut wgpu::Buffer,
-    bytes: u64,
-    make: impl FnOnce(&Gpu, u64) -> Result<wgpu::Buffer, GpuError>,
-) -> Result<(), GpuError> {
-    if buffer.size() < bytes {
-        let roomy = (bytes as f64 * SLACK) as u64;
-        *buffer = make(gpu, roomy.min(gpu.storage_limit_bytes()).max(bytes))?;
+/// How large buffers are made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sizing {
+    /// With room to grow, and never smaller again.
+    Roomy,
+    /// As large as needed, and smaller again when less is: under a cap.
+    Tight,
+}
+
+/// A tight buffer is replaced when it is more than this share larger than needed, an eighth; made half as much larger.
+const TIGHT_SHARE: u64 = 8;
+/// What is smaller is never replaced by something smaller still.
+const SMALL: u64 = 1 << 12;
+
+impl Sizing {
+    /// The most that a buffer for so many bytes takes.
+    pub fn most(self, bytes: u64) -> u64 {
+        match self {
+            Self::Roomy => (bytes as f64 * SLACK) as u64,
+            Self::Tight => bytes + bytes / TIGHT_SHARE + SMALL,
+        }
     }
-    Ok(())
+
+    /// Replaces a buffer that is too small or too large; what it held is lost.
+    fn fit(
+        self,
+        gpu: &Gpu,
+        buffer: &mut wgpu::Buffer,
+        bytes: u64,
+        make: impl Fn(&Gpu, u64) -> Result<wgpu::Buffer, GpuError>,
+    ) -> Result<(), GpuError> {
+        let is_large = self == Self::Tight && buffer.size() > self.most(bytes);
+        if buffer.size() >= bytes && !is_large {
+            return Ok(());
+        }
+        let roomy = match self {
+            Self::Roomy => self.most(bytes),
+            Self::Tight => bytes + bytes / (2 * TIGHT_SHARE),
+        };
+        if self == Self::Tight {
+            // The old one goes first, so that both are never there.
+            *buffer = make(gpu, 16)?;
+        }
+        *buffer = make(gpu, roomy.min(gpu.storage_limit_bytes()).max(bytes).max(16).next_multiple_of(4))?;
+        Ok(())
+    }
+}
+
+/// The most bytes of the buffers of a batch whose size depends on what is drawn, while a frame is made: two copies of what
+/// is active, indices, and what is streamed.
+pub fn drawn_bytes(sizing: Sizing, totals: [u64; STREAMS], streamed_words: u64, grants: u64) -> u64 {
+    let active: u64 = (0..STREAMS).map(|stream| 2 * sizing.most(totals[stream] * ACTIVE_BYTES[stream])).sum();
+    let [indices, streamed, grants] =
+        [totals[2] * INDEX_BYTES, 4 * streamed_words, 16 * grants].map(|bytes| sizing.most(bytes));
+    active + indices + streamed + grants
 }

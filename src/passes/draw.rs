@@ -20,6 +20,9 @@ pub const SURFACE: &str = include_str!("../../shaders/shared/surface.wgsl");
 pub const SHADER: &str =
     concat!(include_str!("../../shaders/shared/surface.wgsl"), include_str!("../../shaders/draw.wgsl"));
 
+/// Corners of the triangles of a box.
+const BOX_CORNERS: u32 = 36;
+
 /// Bytes of an active vertex: the three words of a vertex record, then its instance's number within the batch.
 pub const ACTIVE_VERTEX_BYTES: u64 = 16;
 
@@ -129,6 +132,7 @@ pub struct DrawBatch<'a> {
 #[derive(Debug)]
 pub struct DrawPass {
     scene: wgpu::RenderPipeline,
+    boxes: wgpu::RenderPipeline,
     background: wgpu::RenderPipeline,
     instances_layout: wgpu::BindGroupLayout,
     frame: wgpu::Buffer,
@@ -165,6 +169,7 @@ impl DrawPass {
         let pipelines = Pipelines { device, module: &module, samples };
         Self {
             scene: pipelines.scene(&[Some(&frame_layout), Some(&instances_layout)]),
+            boxes: pipelines.boxes(&[Some(&frame_layout), Some(&instances_layout)]),
             background: pipelines.background(),
             frame_group: bind(device, "draw frame", &frame_layout, &frame),
             instances_layout,
@@ -182,12 +187,14 @@ impl DrawPass {
         queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
     }
 
-    /// Records the pass: all batches, then the background where nothing was drawn.
+    /// Records the pass: all batches, boxes (one for each row of a table of [`InstanceRow`]s that place the unit cube), then
+    /// the background where nothing was drawn.
     pub fn record(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         target: &Target,
         batches: &[DrawBatch<'_>],
+        boxes: Option<(&wgpu::BindGroup, u32)>,
         timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
     ) {
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -204,6 +211,11 @@ impl DrawPass {
             pass.set_vertex_buffer(0, batch.vertices.slice(..));
             pass.set_index_buffer(batch.indices.slice(..), wgpu::IndexFormat::Uint32);
             pass.draw_indexed_indirect(batch.indirect, batch.indirect_offset);
+        }
+        if let Some((rows, count)) = boxes {
+            pass.set_pipeline(&self.boxes);
+            pass.set_bind_group(1, rows, &[]);
+            pass.draw(0..BOX_CORNERS, 0..count);
         }
         pass.set_pipeline(&self.background);
         pass.draw(0..3, 0..1);
@@ -262,6 +274,11 @@ impl Pipelines<'_> {
         };
         let depth = depth_state(true, wgpu::CompareFunction::Greater);
         self.make("draw", ["draw_vertex", "draw_fragment"], groups, &[Some(vertices)], depth)
+    }
+
+    fn boxes(&self, groups: &[Option<&wgpu::BindGroupLayout>]) -> wgpu::RenderPipeline {
+        let depth = depth_state(true, wgpu::CompareFunction::Greater);
+        self.make("boxes", ["box_vertex", "draw_fragment"], groups, &[], depth)
     }
 
     fn background(&self) -> wgpu::RenderPipeline {

@@ -1,12 +1,14 @@
 //! The model opened, and from where it is looked at.
 //!
-//! [`mapped`] is the file in the address space (the one room with `unsafe`); [`opened`] its tables as a [`Scene`];
+//! [`mapped`] is a file in the address space (the one room with `unsafe`), [`file`](mod@file) one that is read by ranges;
+//! [`opened`] its tables as a [`Scene`];
 //! [`part`] what has arrived of one part; [`bounds`], [`camera`] and [`camera_path`] say where everything is and how
 //! one flies through it.
 
 pub mod bounds;
 pub mod camera;
 pub mod camera_path;
+pub mod file;
 pub mod mapped;
 pub mod opened;
 pub mod part;

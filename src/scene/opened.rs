@@ -1,13 +1,18 @@
-//! A container's path in, a [`Scene`] out: its tables in memory, its payload in the mapped file.
+//! A container's path in, a [`Scene`] out: its tables in memory, its payload in the file.
+//!
+//! The tables are held as the file has them, in one block; what is drawn from them is a view into it.
 
+use std::io;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3};
 
 use super::bounds::Bounds;
-use super::mapped::{MapError, MappedFile};
+use super::file::PayloadFile;
+use super::mapped::MapError;
 use super::part::Chunk;
-use crate::container::{ChunkSpec, Container, ContainerError, InstanceRow, PartRow};
+use crate::container::{ChunkRow, ChunkSpec, Container, ContainerError, InstanceRow, PartRow, SectionKind};
 use crate::import::Colour;
 
 /// Why a container cannot be drawn.
@@ -29,12 +34,13 @@ pub enum SceneError {
 /// An opened container.
 #[derive(Debug)]
 pub struct Scene {
-    file: MappedFile,
-    parts: Vec<PartRow>,
-    /// Specs of all chunks; part `p` has `chunk_start[p]..chunk_start[p + 1]`, finest first.
-    chunks: Vec<ChunkSpec>,
-    chunk_start: Vec<u32>,
-    instances: Vec<InstanceRow>,
+    file: PayloadFile,
+    /// Everything before the payload, in words so that rows are aligned.
+    tables: Vec<u64>,
+    /// Where the rows of parts, chunks and instances lie in it, in bytes.
+    parts: Range<usize>,
+    chunks: Range<usize>,
+    instances: Range<usize>,
     colours: Vec<Colour>,
     boxes: Vec<InstanceBox>,
     bounds: Bounds,
@@ -53,60 +59,76 @@ pub struct InstanceBox {
 }
 
 impl Scene {
-    /// Maps a container and checks its tables; no payload is touched.
+    /// Opens a container, reads its tables and checks them; no payload is read.
     ///
     /// # Errors
     /// The file cannot be read, or is not a sound container.
     pub fn open(path: &Path) -> Result<Self, SceneError> {
-        let file = MappedFile::open(path)?;
+        let file = PayloadFile::open(path)?;
         let wrap = |cause| SceneError::Container { cause, path: path.to_owned() };
-        let container = Container::open(file.bytes()).map_err(wrap)?;
-        let parts = container.parts().to_vec();
-        let instances = container.instances().to_vec();
+        let tables = read_tables(&file)?;
+        let container = Container::open_tables(bytemuck::cast_slice(&tables), file.bytes()).map_err(wrap)?;
+        let (all, rows) = (container.parts(), container.instances());
         let colours = container.materials().iter().map(|material| material.base_colour).collect();
-        let (chunks, chunk_start) = chunk_specs(&container).map_err(wrap)?;
         let boxes: Vec<InstanceBox> =
-            instances.iter().map(|instance| instance_box(&parts[instance.part as usize], instance)).collect();
+            rows.iter().map(|instance| instance_box(&all[instance.part as usize], instance)).collect();
         let bounds = boxes.iter().fold(Bounds::EMPTY, |bounds, b| {
             bounds.with_point(b.centre - b.half_extent).with_point(b.centre + b.half_extent)
         });
-        let has_parents = parts.iter().any(PartRow::is_parent);
-        Ok(Self { has_parents, parts, chunks, chunk_start, instances, colours, boxes, bounds, file })
+        let has_parents = all.iter().any(PartRow::is_parent);
+        let [parts, chunks, instances] = [SectionKind::Parts, SectionKind::Chunks, SectionKind::Instances]
+            .map(|kind| container.section_range(kind));
+        Ok(Self { has_parents, parts, chunks, instances, colours, boxes, bounds, tables, file })
+    }
+
+    fn rows<T: bytemuck::Pod>(&self, range: &Range<usize>) -> &[T] {
+        // The container has checked that the rows of each section are aligned and whole.
+        bytemuck::cast_slice(&bytemuck::cast_slice::<u64, u8>(&self.tables)[range.clone()])
     }
 
     /// The parts.
     pub fn parts(&self) -> &[PartRow] {
-        &self.parts
+        self.rows(&self.parts)
+    }
+
+    /// Bytes of memory that it holds.
+    pub fn bytes_held(&self) -> u64 {
+        (size_of_val(self.tables.as_slice()) + size_of_val(self.boxes.as_slice())) as u64
     }
 
     /// The placements of parts.
     pub fn instances(&self) -> &[InstanceRow] {
-        &self.instances
+        self.rows(&self.instances)
     }
 
     /// The instance that is drawn in the place of this one and others where they are finer than need be.
     pub fn parent_instance(&self, instance: u32) -> Option<u32> {
-        let part = &self.parts[self.instances[instance as usize].part as usize];
+        let part = &self.parts()[self.instances()[instance as usize].part as usize];
         // The container has checked that the cells of a part are placed together.
         (!part.is_root()).then(|| instance - part.parent_distance)
     }
 
-    /// Where the cells that are placed together with an instance, the first of them, end; the next instance for a part
-    /// without parent cells.
-    pub fn placement_end(&self, instance: u32) -> u32 {
-        let source = |number: u32| {
-            let part = &self.parts[self.instances.get(number as usize)?.part as usize];
-            (part.is_parent() || !part.is_root())
-                .then_some((part.source, self.instances[number as usize].part))
+    /// The instances that are placed together with one, as the cells of one part; itself for a part without parent
+    /// cells.
+    pub fn placement(&self, instance: u32) -> Range<u32> {
+        let (parts, instances) = (self.parts(), self.instances());
+        let cell = |number: u32| {
+            let index = instances.get(number as usize)?.part;
+            let part = &parts[index as usize];
+            (part.is_parent() || !part.is_root()).then_some((part.source, index))
         };
-        let mut end = instance + 1;
-        while let (Some(last), Some(next)) = (source(end - 1), source(end))
-            && last.0 == next.0
-            && last.1 < next.1
-        {
+        let follows = |number: u32| match (cell(number), cell(number + 1)) {
+            (Some(one), Some(next)) => one.0 == next.0 && one.1 < next.1,
+            _ => false,
+        };
+        let (mut start, mut end) = (instance, instance + 1);
+        while start > 0 && follows(start - 1) {
+            start -= 1;
+        }
+        while follows(end - 1) {
             end += 1;
         }
-        end
+        start..end
     }
 
     /// Whether any part has parent cells.
@@ -131,38 +153,49 @@ impl Scene {
 
     /// The colours of the material slots of an instance; none if its part has no slots.
     pub fn slot_colours(&self, instance: &InstanceRow) -> &[Colour] {
-        let (first, slots) = (instance.material as usize, self.parts[instance.part as usize].slots as usize);
+        let (first, slots) =
+            (instance.material as usize, self.parts()[instance.part as usize].slots as usize);
         // The container has checked that there are so many.
         &self.colours[first..first + slots]
     }
 
-    /// What the chunks of a part hold, finest tier first.
-    pub fn tiers(&self, part: u32) -> &[ChunkSpec] {
-        &self.chunks[self.chunk_start[part as usize] as usize..self.chunk_start[part as usize + 1] as usize]
+    /// The chunks of a part, finest tier first.
+    pub fn tiers(&self, part: u32) -> &[ChunkRow] {
+        let part = &self.parts()[part as usize];
+        let first = part.first_chunk as usize;
+        &self.rows(&self.chunks)[first..first + part.tier_count as usize]
     }
 
     /// Reads and checks a chunk; may wait for the disk.
     ///
     /// # Errors
-    /// The chunk is damaged.
+    /// The chunk is damaged, or the file has become shorter.
     pub fn read_chunk(&self, part: u32, tier: u32) -> Result<Chunk, ContainerError> {
-        let spec = self.tiers(part)[tier as usize];
-        let range = spec.range();
-        // The tables were checked against the length of the mapping when it was opened.
-        Chunk::read(spec, &self.file.bytes()[range.start as usize..range.end as usize])
+        let spec = ChunkSpec::new(part, &self.parts()[part as usize], self.tiers(part), tier as usize);
+        Chunk::read(spec, |bytes| {
+            self.file.read_at(bytes, spec.row.offset).map_err(|cause| match cause.kind() {
+                io::ErrorKind::UnexpectedEof => ContainerError::CutShort,
+                _ => ContainerError::Read { cause },
+            })
+        })
     }
 }
 
-fn chunk_specs(container: &Container<'_>) -> Result<(Vec<ChunkSpec>, Vec<u32>), ContainerError> {
-    let mut specs = Vec::new();
-    let mut starts = vec![0];
-    for part in 0..container.parts().len() {
-        for tier in 0..container.chunk_rows(part).len() {
-            specs.push(container.chunk_spec(part, tier)?);
-        }
-        starts.push(specs.len() as u32);
-    }
-    Ok((specs, starts))
+/// Everything before the payload of a file, as far as its first bytes tell where that starts.
+fn read_tables(file: &PayloadFile) -> Result<Vec<u64>, SceneError> {
+    let path = file.path();
+    let wrap = |cause| SceneError::Container { cause, path: path.to_owned() };
+    let io = |cause| SceneError::Map(MapError::Io { cause, path: path.to_owned() });
+    let start = file.bytes().min(crate::container::format::SECTIONS_START) as usize;
+    let mut words = vec![0u64; start.div_ceil(8)];
+    file.read_at(&mut bytemuck::cast_slice_mut(&mut words)[..start], 0).map_err(io)?;
+    let bytes = Container::table_bytes(&bytemuck::cast_slice(&words)[..start], file.bytes()).map_err(wrap)?;
+    let mut words = Vec::new();
+    // At most the file itself, which is more than memory only if somebody made it so.
+    words.try_reserve_exact(bytes.div_ceil(8)).map_err(|cause| io(io::Error::other(cause)))?;
+    words.resize(bytes.div_ceil(8), 0u64);
+    file.read_at(&mut bytemuck::cast_slice_mut(&mut words)[..bytes], 0).map_err(io)?;
+    Ok(words)
 }
 
 fn instance_box(part: &PartRow, instance: &InstanceRow) -> InstanceBox {

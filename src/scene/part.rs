@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::container::{ChunkSpec, ChunkView, ContainerError};
+use crate::container::{ChunkRow, ChunkSpec, ChunkView, ContainerError};
 use crate::geometry::{TriangleRecord, TrianglesAt, VertexRecord};
 
 /// A chunk copied out of the file and checked.
@@ -14,13 +14,17 @@ pub struct Chunk {
 }
 
 impl Chunk {
-    /// Copies and checks a chunk; the only place where a page of the file may be waited for.
+    /// Reads and checks a chunk; `fill` puts its bytes into a buffer, the only place where the disk may be waited for.
     ///
     /// # Errors
-    /// The bytes do not match their checksum or contradict the tables.
-    pub fn read(spec: ChunkSpec, bytes: &[u8]) -> Result<Self, ContainerError> {
-        let mut words = vec![0u64; bytes.len().div_ceil(8)];
-        bytemuck::cast_slice_mut::<u64, u8>(&mut words)[..bytes.len()].copy_from_slice(bytes);
+    /// Those of `fill`; the bytes do not match their checksum or contradict the tables.
+    pub fn read(
+        spec: ChunkSpec,
+        fill: impl FnOnce(&mut [u8]) -> Result<(), ContainerError>,
+    ) -> Result<Self, ContainerError> {
+        let bytes = spec.row.bytes as usize;
+        let mut words = vec![0u64; bytes.div_ceil(8)];
+        fill(&mut bytemuck::cast_slice_mut::<u64, u8>(&mut words)[..bytes])?;
         let chunk = Self { spec, words };
         ChunkView::parse(&chunk.spec, chunk.raw())?;
         Ok(chunk)
@@ -35,9 +39,21 @@ impl Chunk {
         ChunkView::cut(&self.spec, self.raw()).expect("a chunk that was parsed before")
     }
 
-    /// Its size in memory.
-    pub fn bytes(&self) -> usize {
-        self.words.len() * 8
+    /// What it is.
+    pub fn spec(&self) -> &ChunkSpec {
+        &self.spec
+    }
+
+    /// Bytes of memory that a chunk takes once it has arrived, of a tier whose next coarser one has `below` vertices: its
+    /// own, and those of the counts that are copied out of it.
+    pub fn bytes_of(row: &ChunkRow, below: u32) -> u64 {
+        let added = u64::from(row.vertices.saturating_sub(below));
+        let counts = added + added / 16 + 4 + 8 * u64::from(row.overflow);
+        u64::from(row.bytes).next_multiple_of(8) + counts + size_of::<Self>() as u64
+    }
+
+    fn bytes(&self) -> u64 {
+        Self::bytes_of(&self.spec.row, self.spec.vertices_below)
     }
 }
 
@@ -69,6 +85,27 @@ impl ResidentPart {
             self.triangles_at.extend(view.added, &overflow);
             self.arrived -= 1;
         }
+    }
+
+    /// Drops the chunks of all tiers finer than this one.
+    pub fn keep_from(&mut self, finest: u32) {
+        let finest = finest as usize;
+        self.chunks.iter_mut().take(finest).for_each(|chunk| *chunk = None);
+        if (self.arrived as usize) < finest {
+            self.arrived = finest as u32;
+            let below = self.chunks.get(finest).and_then(Option::as_ref).map_or(0, |c| c.spec.row.vertices);
+            self.triangles_at.truncate(below as usize);
+        }
+    }
+
+    /// Whether the chunk of a tier is there, though a coarser one may not be.
+    pub fn has(&self, tier: u32) -> bool {
+        self.chunks.get(tier as usize).is_some_and(Option::is_some)
+    }
+
+    /// Bytes of memory that its chunks take.
+    pub fn bytes(&self) -> u64 {
+        self.chunks.iter().flatten().map(Chunk::bytes).sum()
     }
 
     /// How many vertices have arrived, as a prefix.

@@ -3,18 +3,25 @@
 //! Where cells are wished for of which nothing has arrived, their parent cell, if it has arrived, stands in for all
 //! cells below it. Without parent cells, or once everything is there, wishes stay as they are.
 
-use std::borrow::Cow;
-
 use crate::scene::Scene;
 use crate::stream::Residency;
 
-/// Replaces cells that cannot be drawn by a parent that can, and counts the wishes that this takes back.
-pub fn stand_in<'a>(scene: &Scene, residency: &Residency, wishes: &'a [u32]) -> (Cow<'a, [u32]>, u32) {
-    if !scene.has_parents() {
-        return (Cow::Borrowed(wishes), 0);
+/// Wishes that can be drawn.
+#[derive(Debug, Default)]
+pub struct StandIn {
+    /// The wishes and the instances that have one, if they are other ones than those given.
+    pub wishes: Option<(Vec<u32>, Vec<u32>)>,
+    /// How many wishes were taken back.
+    pub replaced: u32,
+}
+
+/// Replaces cells that cannot be drawn by a parent that can.
+pub fn stand_in(scene: &Scene, residency: &Residency, wishes: &[u32], visible: &[u32]) -> StandIn {
+    let instances = scene.instances();
+    let arrived = |instance: usize| residency.part(instances[instance].part).vertices_arrived() > 0;
+    if !scene.has_parents() || visible.iter().all(|&instance| arrived(instance as usize)) {
+        return StandIn::default();
     }
-    let parts: Vec<u32> = scene.instances().iter().map(|instance| instance.part).collect();
-    let arrived = |instance: usize| residency.part(parts[instance]).vertices_arrived() > 0;
     let parent = |instance: usize| scene.parent_instance(instance as u32).map(|parent| parent as usize);
     // From the leaves up: who lacks something below, and can help.
     let mut lacking = vec![false; wishes.len()];
@@ -27,7 +34,7 @@ pub fn stand_in<'a>(scene: &Scene, residency: &Residency, wishes: &'a [u32]) -> 
         }
     }
     if !helps.contains(&true) {
-        return (Cow::Borrowed(wishes), 0);
+        return StandIn::default();
     }
     let mut drawn = wishes.to_vec();
     let mut covered = vec![false; wishes.len()];
@@ -38,8 +45,9 @@ pub fn stand_in<'a>(scene: &Scene, residency: &Residency, wishes: &'a [u32]) -> 
             replaced += u32::from(wishes[i] > 0);
             drawn[i] = 0;
         } else if helps[i] {
-            drawn[i] = scene.parts()[parts[i] as usize].vertices;
+            drawn[i] = scene.parts()[instances[i].part as usize].vertices;
         }
     }
-    (Cow::Owned(drawn), replaced)
+    let visible = (0..).zip(&drawn).filter(|&(_, &wish)| wish > 0).map(|(instance, _)| instance).collect();
+    StandIn { wishes: Some((drawn, visible)), replaced }
 }

@@ -14,8 +14,13 @@ const TIER_HYSTERESIS: f32 = 0.8;
 /// What the last frame wished and was granted.
 #[derive(Debug, Default)]
 pub struct StateChooser {
+    /// By instance; meaningful for those of `drawn` only.
     wishes: Vec<u32>,
     granted: Vec<u32>,
+    /// As much of the wishes as had arrived.
+    within: Vec<u32>,
+    /// The instances that were granted something, ascending.
+    drawn: Vec<u32>,
 }
 
 /// The result of a choice.
@@ -25,81 +30,133 @@ pub struct Choice {
     pub visible: u32,
     /// Instances of which less has arrived than was wished for.
     pub misses: u32,
+    /// Vertices that were wished for.
+    pub wished: u64,
+    /// Vertices that were granted.
+    pub granted: u64,
+    /// Vertices of the coarsest states of all that was granted something.
+    pub floors: u64,
+}
+
+/// One instance with a wish, while its state is chosen.
+struct Item {
+    instance: u32,
+    part: u32,
+    wish: u32,
+    /// As much of the wish as has arrived.
+    within: u32,
+    count: u32,
 }
 
 impl StateChooser {
-    /// Rounds every wish to a state and writes it to `states`. With `keep`, an instance whose wish did not change
-    /// keeps the count it was granted, so that rounding does not flicker; without, the result depends on the wishes
-    /// alone.
+    /// Rounds every wish to a state and writes it to `states`; `visible` lists the instances with a wish, ascending.
+    /// With `keep`, an instance whose wish did not change, and of which no more has arrived, keeps the count it was
+    /// granted, so that rounding does not flicker; without, the result depends on the wishes alone. Time follows what is
+    /// visible or was.
     pub fn choose(
         &mut self,
         scene: &Scene,
         residency: &Residency,
-        wishes: &[u32],
+        (wishes, visible): (&[u32], &[u32]),
         keep: bool,
         states: &mut [State],
     ) -> Choice {
-        let (wishes, replaced) = stand_in(scene, residency, wishes);
-        let wishes = wishes.as_ref();
-        let parts: Vec<u32> = scene.instances().iter().map(|instance| instance.part).collect();
-        let keep = keep && self.wishes.len() == wishes.len();
-        let mut counts = vec![0; wishes.len()];
-        let mut choice = Choice { misses: replaced, ..Choice::default() };
+        let (parts, instances) = (scene.parts(), scene.instances());
+        let stand_in = stand_in(scene, residency, wishes, visible);
+        let (wishes, visible) = stand_in.wishes.as_ref().map_or((wishes, visible), |(w, v)| (w, v));
+        self.granted.resize(wishes.len(), 0);
+        self.wishes.resize(wishes.len(), 0);
+        self.within.resize(wishes.len(), 0);
+        let mut choice = Choice { misses: stand_in.replaced, ..Choice::default() };
         let mut left = 0i64;
-        for (i, &wish) in wishes.iter().enumerate().filter(|&(_, &wish)| wish > 0) {
-            let part = residency.part(parts[i]);
-            let within = wish.min(part.vertices_arrived());
-            choice.visible += 1;
+        let mut items: Vec<Item> = Vec::with_capacity(visible.len());
+        for &instance in visible {
+            let (i, wish) = (instance as usize, wishes[instance as usize]);
+            let part = instances[i].part;
+            let held = residency.part(part);
+            let within = wish.min(held.vertices_arrived());
             choice.misses += u32::from(within < wish);
-            counts[i] = if keep && self.wishes[i] == wish && self.granted[i] <= part.vertices_arrived() {
-                self.granted[i]
-            } else {
-                part.triangles_at().state_at_most(within as usize) as u32
+            let is_as_before = keep && (self.wishes[i], self.within[i]) == (wish, within);
+            let count = match is_as_before && self.granted[i] <= held.vertices_arrived() {
+                true => self.granted[i],
+                false => held.triangles_at().state_at_most(within as usize) as u32,
             };
-            left += i64::from(within) - i64::from(counts[i]);
+            left += i64::from(within) - i64::from(count);
+            choice.wished += u64::from(wish.min(parts[part as usize].vertices));
+            items.push(Item { instance, part, wish, within, count });
         }
-        lower_kept(residency, &parts, wishes, &mut counts, &mut left);
-        raise_rounded(residency, &parts, wishes, &mut counts, &mut left);
-        for (i, state) in states.iter_mut().enumerate() {
-            *state = state_of(scene, residency, parts[i], counts[i], *state);
-        }
-        self.wishes.clear();
-        self.wishes.extend_from_slice(wishes);
-        self.granted = counts;
+        lower_kept(residency, &mut items, &mut left);
+        raise_rounded(residency, &mut items, &mut left);
+        self.grant(scene, residency, &items, states);
+        choice.visible = items.len() as u32;
+        let drawn = items.iter().filter(|item| item.count > 0);
+        choice.floors = drawn.map(|item| u64::from(parts[item.part as usize].locked)).sum();
+        choice.granted = items.iter().map(|item| u64::from(item.count)).sum();
         choice
+    }
+
+    /// The instances that were granted something by the last choice, ascending.
+    pub fn drawn(&self) -> &[u32] {
+        &self.drawn
+    }
+
+    /// Whether an instance was granted something by the last choice.
+    pub fn draws(&self, instance: u32) -> bool {
+        self.granted[instance as usize] > 0
+    }
+
+    /// Writes the states of all items, and nothing for what was drawn before and is no longer.
+    fn grant(&mut self, scene: &Scene, residency: &Residency, items: &[Item], states: &mut [State]) {
+        for &instance in &self.drawn {
+            self.granted[instance as usize] = 0;
+            self.wishes[instance as usize] = 0;
+        }
+        let mut before = std::mem::take(&mut self.drawn).into_iter().peekable();
+        for item in items {
+            let i = item.instance as usize;
+            while let Some(gone) = before.next_if(|&gone| gone < item.instance) {
+                states[gone as usize] = State::default();
+            }
+            before.next_if_eq(&item.instance);
+            states[i] = state_of(scene, residency, item.part, item.count, states[i]);
+            (self.wishes[i], self.within[i]) = (item.wish, item.within);
+            self.granted[i] = item.count;
+            self.drawn.push(item.instance);
+        }
+        before.for_each(|gone| states[gone as usize] = State::default());
     }
 }
 
 /// Takes back what kept counts have above their wishes, while more is spent than there is.
-fn lower_kept(residency: &Residency, parts: &[u32], wishes: &[u32], counts: &mut [u32], left: &mut i64) {
-    for i in 0..counts.len() {
+fn lower_kept(residency: &Residency, items: &mut [Item], left: &mut i64) {
+    for item in items {
         if *left >= 0 {
             return;
         }
-        if counts[i] > wishes[i] {
-            let state = residency.part(parts[i]).triangles_at().state_at_most(wishes[i] as usize) as u32;
-            *left += i64::from(counts[i] - state);
-            counts[i] = state;
+        if item.count > item.wish {
+            let state = residency.part(item.part).triangles_at().state_at_most(item.wish as usize) as u32;
+            *left += i64::from(item.count - state);
+            item.count = state;
         }
     }
 }
 
 /// Raises counts to their next state as long as that can be paid: first those that were rounded down, then any, so
 /// that the budget is spent to the last vertex where a step of one vertex exists.
-fn raise_rounded(residency: &Residency, parts: &[u32], wishes: &[u32], counts: &mut [u32], left: &mut i64) {
+fn raise_rounded(residency: &Residency, items: &mut [Item], left: &mut i64) {
     for any in [false, true] {
-        for i in 0..counts.len() {
+        for item in &mut *items {
             if *left <= 0 {
                 return;
             }
-            if counts[i] == 0 || !(any || counts[i] < wishes[i]) {
+            if item.count == 0 || !(any || item.count < item.wish) {
                 continue;
             }
-            let at = residency.part(parts[i]).triangles_at();
-            let next = at.state_at_least(counts[i] as usize + 1).map_or(0, |next| next as u32);
-            if next > 0 && i64::from(next - counts[i]) <= *left {
-                *left -= i64::from(next - counts[i]);
-                counts[i] = next;
+            let at = residency.part(item.part).triangles_at();
+            let next = at.state_at_least(item.count as usize + 1).map_or(0, |next| next as u32);
+            if next > 0 && i64::from(next - item.count) <= *left {
+                *left -= i64::from(next - item.count);
+                item.count = next;
             }
         }
     }
@@ -111,15 +168,18 @@ fn state_of(scene: &Scene, residency: &Residency, part: u32, vn: u32, old: State
         return State::default();
     }
     let sizes = scene.tiers(part);
-    let coarsest = coarsest_tier_with(sizes.iter().map(|tier| tier.row.vertices), vn);
+    let coarsest = coarsest_tier_with(sizes.iter().map(|tier| tier.vertices), vn);
+    let held = residency.part(part);
     let stays = !old.is_empty()
         && old.tier + 1 == coarsest
-        && vn as f32 > TIER_HYSTERESIS * sizes[coarsest as usize].row.vertices as f32;
+        // It may have been given back since.
+        && held.finest().is_some_and(|finest| finest <= old.tier)
+        && vn as f32 > TIER_HYSTERESIS * sizes[coarsest as usize].vertices as f32;
     let tier = if stays { old.tier } else { coarsest };
     State {
         vertices: vn,
-        ecol: sizes[tier as usize].row.vertices,
-        triangles: residency.part(part).triangles_at().count_at(vn as usize),
+        ecol: sizes[tier as usize].vertices,
+        triangles: held.triangles_at().count_at(vn as usize),
         tier,
     }
 }

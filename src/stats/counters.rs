@@ -83,8 +83,18 @@ frame_record! {
     bytes_per_part: u64,
     /// Instances of which less had arrived than was wished for.
     misses: u64,
+    /// Instances that are drawn as boxes, because nothing of them has arrived.
+    boxes: u64,
+    /// Vertices that were wished for.
+    wished_vertices: u64,
+    /// The projected area of all visible instances of which something is drawn, in thousandths.
+    drawn_area_permille: u64,
     /// Bytes read from disk.
     disk_bytes: u64,
+    /// Bytes given back to keep the cap on memory.
+    evicted_bytes: u64,
+    /// Pages that the thread of the frame had to wait for; 0 where the system does not tell.
+    major_faults: u64,
     /// Stage 1: budgets.
     select_ms: f64,
     /// Stage 2: what has arrived.
@@ -107,6 +117,8 @@ frame_record! {
     gpu_bytes: u64,
     /// Payload held in memory.
     resident_bytes: u64,
+    /// All that `--memory` counts: the payload, the tables, and what belongs to instances and parts.
+    memory_bytes: u64,
     /// How many compute passes ran.
     compute_passes: u64,
 }

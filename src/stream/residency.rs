@@ -1,15 +1,25 @@
-//! Chunks of the file in memory: requests in, arrived parts out.
+//! What the view wants of each part in, the chunks in memory out, under a cap.
 //!
-//! Workers own the file: they touch its pages, check the chunk against its checksum, and hand over a copy, so that the
-//! frame thread never waits for a page. What is drawn is what has arrived.
+//! Every plan says anew what shall be in memory: of what is wanted, as much as the cap has room for, the most projected
+//! error removed for each byte first, so that where the cap bites the error rises evenly over the view. What is in memory
+//! and not wanted stays as long as there is room, and goes in the order in which it was last wanted.
+//!
+//! Workers own the file: they read a chunk, check it against its checksum and hand it over, so that the frame thread
+//! never waits for a page. The list of what they read next is replaced by every plan: what is no longer wanted is never
+//! read. What is being read counts within the cap. What is drawn is what has arrived.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crossbeam_channel::{Receiver, Sender, unbounded};
+use parking_lot::{Condvar, Mutex};
+use rayon::prelude::*;
 
 use crate::container::ContainerError;
+use crate::geometry::part::sampled_count;
+use crate::geometry::record::decode_error;
 use crate::scene::Scene;
 use crate::scene::part::{Chunk, ResidentPart};
 
@@ -24,28 +34,73 @@ pub enum ResidencyError {
     WorkersGone,
 }
 
+/// How to hold and read chunks.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ResidencyOptions {
+    /// Bytes that may be held, with those that are being read; `None` for no cap.
+    pub cap_bytes: Option<u64>,
+    /// Bytes a second that are read at most, as from a slow disk; `None` for as fast as it goes.
+    pub read_rate: Option<u64>,
+}
+
+/// What a view wants of a part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wanted {
+    /// The part.
+    pub part: u32,
+    /// The finest tier that is wanted; all coarser ones are wanted too.
+    pub tier: u32,
+    /// How much its whole error would be seen: the sum over its instances of the cube of its diagonal in pixels, an area
+    /// times a distance.
+    pub weight: f32,
+}
+
 /// A part and one of its tiers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Request {
     part: u32,
     tier: u32,
+    bytes: u64,
 }
 
 type Arrival = (Request, Result<Chunk, ContainerError>);
 
+/// What the workers share with the frame thread.
+#[derive(Default)]
+struct Todo {
+    queue: VecDeque<Request>,
+    /// What a worker has taken and the frame thread has not got yet.
+    in_flight: Vec<Request>,
+    closed: bool,
+}
+
+struct Shared {
+    scene: Arc<Scene>,
+    todo: Mutex<Todo>,
+    changed: Condvar,
+    read_rate: Option<u64>,
+    /// When the disk that is as slow as asked for is free again.
+    free_at: Mutex<Instant>,
+}
+
 /// The chunks that are in memory, and the workers that bring more.
 pub struct Residency {
-    parts: Vec<ResidentPart>,
-    requests: Option<Sender<Request>>,
-    /// The workers' end of the requests, to empty it when nobody waits for them any more.
-    queued: Receiver<Request>,
+    parts: Vec<Option<Box<ResidentPart>>>,
+    nothing: ResidentPart,
+    /// The parts of which something is in memory.
+    held: Vec<u32>,
+    /// Per part, the last plan that wanted it.
+    wanted_in: Vec<u32>,
+    plan: u32,
+    cap_bytes: u64,
+    shared: Arc<Shared>,
     arrivals: Receiver<Arrival>,
     workers: Vec<JoinHandle<()>>,
-    outstanding: usize,
-    /// Per part, the coarsest tier that has been asked for and everything coarser: tiers `asked..` are on their way.
-    asked: Vec<u32>,
     bytes_read: u64,
     bytes_held: u64,
+    bytes_evicted: u64,
+    /// Whether the cap kept the last plan from all that was wanted.
+    is_capped: bool,
 }
 
 /// More readers than this do not make a disk faster.
@@ -53,46 +108,184 @@ const WORKERS: usize = 2;
 
 impl Residency {
     /// Starts the workers; nothing is read yet.
-    pub fn new(scene: &Arc<Scene>) -> Self {
-        let (requests, todo) = unbounded::<Request>();
+    pub fn new(scene: &Arc<Scene>, options: ResidencyOptions) -> Self {
         let (done, arrivals) = unbounded::<Arrival>();
+        let shared = Arc::new(Shared {
+            scene: Arc::clone(scene),
+            todo: Mutex::default(),
+            changed: Condvar::new(),
+            read_rate: options.read_rate,
+            free_at: Mutex::new(Instant::now()),
+        });
         let workers = (0..WORKERS)
             .map(|_| {
-                let (scene, todo, done) = (Arc::clone(scene), todo.clone(), done.clone());
-                std::thread::spawn(move || serve(&scene, &todo, &done))
+                let (shared, done) = (Arc::clone(&shared), done.clone());
+                std::thread::spawn(move || serve(&shared, &done))
             })
             .collect();
+        let parts = scene.parts().len();
         Self {
-            parts: scene.parts().iter().map(|part| ResidentPart::new(part.tier_count)).collect(),
-            asked: scene.parts().iter().map(|part| part.tier_count).collect(),
-            requests: Some(requests),
-            queued: todo,
+            parts: (0..parts).map(|_| None).collect(),
+            nothing: ResidentPart::new(0),
+            held: Vec::new(),
+            wanted_in: vec![0; parts],
+            plan: 0,
+            cap_bytes: options.cap_bytes.unwrap_or(u64::MAX),
+            shared,
             arrivals,
             workers,
-            outstanding: 0,
             bytes_read: 0,
             bytes_held: 0,
+            bytes_evicted: 0,
+            is_capped: false,
         }
     }
 
     /// What is in memory of a part.
     pub fn part(&self, part: u32) -> &ResidentPart {
-        &self.parts[part as usize]
+        self.parts[part as usize].as_deref().unwrap_or(&self.nothing)
     }
 
-    /// Asks for a tier of a part and for all coarser ones, coarsest first; nothing is asked for twice.
-    ///
-    /// # Errors
-    /// [`ResidencyError::WorkersGone`].
-    pub fn request(&mut self, part: u32, tier: u32) -> Result<(), ResidencyError> {
-        let asked = &mut self.asked[part as usize];
-        while *asked > tier {
-            *asked -= 1;
-            let sender = self.requests.as_ref().ok_or(ResidencyError::WorkersGone)?;
-            sender.send(Request { part, tier: *asked }).map_err(|_| ResidencyError::WorkersGone)?;
-            self.outstanding += 1;
+    /// Decides what shall be in memory for a view: evicts what there is no room for, and gives the workers a new list of
+    /// what to read, the most urgent first. Each part is named once.
+    pub fn plan(&mut self, wanted: &[Wanted]) {
+        self.plan = self.plan.wrapping_add(1);
+        let in_flight = self.shared.stop_taking();
+        let accepted = self.accept_within_cap(wanted);
+        let mut missing: Vec<(f32, Request)> = Vec::new();
+        for (want, &tier) in wanted.iter().zip(&accepted) {
+            self.wanted_in[want.part as usize] = self.plan;
+            self.missing_of(want, tier, &in_flight, &mut missing);
         }
-        Ok(())
+        let incoming = |requests: &mut dyn Iterator<Item = &Request>| requests.map(|r| r.bytes).sum::<u64>();
+        let bytes = incoming(&mut in_flight.iter()) + incoming(&mut missing.iter().map(|entry| &entry.1));
+        self.make_room(bytes, wanted, &accepted);
+        missing
+            .par_sort_by(|(a, r), (b, s)| b.total_cmp(a).then(s.tier.cmp(&r.tier)).then(r.part.cmp(&s.part)));
+        self.shared.give(missing.into_iter().map(|(_, request)| request));
+    }
+
+    /// For each wanted part the finest tier that there is room for; the number of tiers for none.
+    fn accept_within_cap(&mut self, wanted: &[Wanted]) -> Vec<u32> {
+        let all: u64 = wanted.par_iter().map(|want| self.bytes_from(want.part, want.tier)).sum();
+        self.is_capped = all > self.cap_bytes;
+        if !self.is_capped {
+            return wanted.iter().map(|want| want.tier).collect();
+        }
+        let mut offers: Vec<(f32, u32, u32)> = Vec::new();
+        for (number, want) in (0..).zip(wanted) {
+            let tiers = (want.tier..self.tier_count(want.part)).rev();
+            offers.extend(tiers.zip(self.urgencies(want)).map(|(tier, urgency)| (urgency, tier, number)));
+        }
+        offers.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(b.1.cmp(&a.1)).then(a.2.cmp(&b.2)));
+        let mut accepted: Vec<u32> = wanted.iter().map(|want| self.tier_count(want.part)).collect();
+        let mut left = self.cap_bytes;
+        for (_, tier, number) in offers {
+            let Some(rest) = left.checked_sub(self.bytes_of(wanted[number as usize].part, tier)) else {
+                break;
+            };
+            left = rest;
+            accepted[number as usize] = tier;
+        }
+        accepted
+    }
+
+    fn tier_count(&self, part: u32) -> u32 {
+        self.shared.scene.parts()[part as usize].tier_count
+    }
+
+    /// Bytes of memory that a chunk takes.
+    fn bytes_of(&self, part: u32, tier: u32) -> u64 {
+        let tiers = self.shared.scene.tiers(part);
+        let below = tiers.get(tier as usize + 1).map_or(0, |row| row.vertices);
+        Chunk::bytes_of(&tiers[tier as usize], below)
+    }
+
+    fn bytes_from(&self, part: u32, finest: u32) -> u64 {
+        (finest..self.tier_count(part)).map(|tier| self.bytes_of(part, tier)).sum()
+    }
+
+    /// How urgent each tier of a part is, from the coarsest to the finest that is wanted: the projected error that it
+    /// removes for each byte, never more than that of a coarser one.
+    fn urgencies(&self, want: &Wanted) -> impl Iterator<Item = f32> {
+        let row = &self.shared.scene.parts()[want.part as usize];
+        let tiers = self.shared.scene.tiers(want.part);
+        let error_at = |vertices: u32| {
+            let holds = (0..row.errors.len()).find(|&j| sampled_count(row.vertices, j) <= vertices);
+            holds.map_or(1.0, |j| decode_error(row.errors[j], 1.0) as f32)
+        };
+        // With nothing there, it is off by its own size.
+        let mut before = 1.0;
+        let mut least = f32::INFINITY;
+        (want.tier as usize..tiers.len()).rev().map(move |tier| {
+            let after = error_at(tiers[tier].vertices);
+            let removed = (before - after).max(0.0);
+            before = after;
+            least = least.min(want.weight * removed / tiers[tier].bytes.max(1) as f32);
+            least
+        })
+    }
+
+    /// The chunks of a part that are neither there nor on their way.
+    fn missing_of(
+        &self,
+        want: &Wanted,
+        finest: u32,
+        in_flight: &[Request],
+        missing: &mut Vec<(f32, Request)>,
+    ) {
+        let held = self.part(want.part);
+        let tiers = self.tier_count(want.part);
+        let arrived = held.finest().unwrap_or(tiers);
+        if finest >= arrived {
+            return;
+        }
+        for (tier, urgency) in (want.tier..tiers).rev().zip(self.urgencies(want)) {
+            let is_coming = || in_flight.iter().any(|r| (r.part, r.tier) == (want.part, tier));
+            if (finest..arrived).contains(&tier) && !held.has(tier) && !is_coming() {
+                let bytes = self.bytes_of(want.part, tier);
+                missing.push((urgency, Request { part: want.part, tier, bytes }));
+            }
+        }
+    }
+
+    /// Evicts until so many bytes more would fit: first what is not wanted, longest ago first; then tiers that were not
+    /// accepted.
+    fn make_room(&mut self, bytes: u64, wanted: &[Wanted], accepted: &[u32]) {
+        let most = self.cap_bytes.saturating_sub(bytes);
+        if self.bytes_held <= most {
+            return;
+        }
+        let age = |part: u32| self.plan.wrapping_sub(self.wanted_in[part as usize]);
+        let mut unwanted: Vec<u32> = self.held.iter().copied().filter(|&part| age(part) > 0).collect();
+        unwanted.sort_unstable_by_key(|&part| (std::cmp::Reverse(age(part)), part));
+        for part in unwanted {
+            if self.bytes_held <= most {
+                break;
+            }
+            self.evict(part, self.tier_count(part));
+        }
+        for (want, &tier) in wanted.iter().zip(accepted) {
+            if self.bytes_held <= most {
+                break;
+            }
+            self.evict(want.part, tier);
+        }
+        let parts = &self.parts;
+        self.held.retain(|&part| parts[part as usize].is_some());
+    }
+
+    /// Evicts all tiers of a part that are finer than this one.
+    fn evict(&mut self, part: u32, finest: u32) {
+        let Some(held) = &mut self.parts[part as usize] else { return };
+        let before = held.bytes();
+        held.keep_from(finest);
+        let freed = before - held.bytes();
+        self.bytes_held -= freed;
+        self.bytes_evicted += freed;
+        if held.bytes() == 0 {
+            self.parts[part as usize] = None;
+        }
     }
 
     /// Takes in what has arrived, without waiting.
@@ -106,12 +299,12 @@ impl Residency {
         Ok(())
     }
 
-    /// Waits for everything that was asked for.
+    /// Waits for everything that the last plan asked for.
     ///
     /// # Errors
     /// A damaged chunk, or [`ResidencyError::WorkersGone`].
     pub fn settle(&mut self) -> Result<(), ResidencyError> {
-        while self.outstanding > 0 {
+        while self.is_waiting() {
             match self.arrivals.recv_timeout(Duration::from_millis(200)) {
                 Ok(arrival) => self.accept(arrival)?,
                 // A worker ends only when this is dropped, or by a panic, and then its request never arrives.
@@ -124,12 +317,25 @@ impl Residency {
         Ok(())
     }
 
+    /// Whether something that was asked for has not arrived.
+    pub fn is_waiting(&self) -> bool {
+        let todo = self.shared.todo.lock();
+        !todo.queue.is_empty() || !todo.in_flight.is_empty()
+    }
+
     fn accept(&mut self, (request, chunk): Arrival) -> Result<(), ResidencyError> {
-        self.outstanding -= 1;
+        let Request { part, tier, .. } = request;
+        self.shared.todo.lock().in_flight.retain(|other| *other != request);
         let chunk = chunk?;
-        self.bytes_read += chunk.bytes() as u64;
-        self.bytes_held += chunk.bytes() as u64;
-        self.parts[request.part as usize].arrive(request.tier, chunk);
+        self.bytes_read += chunk.spec().row.bytes as u64;
+        let tiers = self.tier_count(part);
+        let held = self.parts[part as usize].get_or_insert_with(|| {
+            self.held.push(part);
+            Box::new(ResidentPart::new(tiers))
+        });
+        let before = held.bytes();
+        held.arrive(tier, chunk);
+        self.bytes_held += held.bytes() - before;
         Ok(())
     }
 
@@ -138,17 +344,30 @@ impl Residency {
         std::mem::take(&mut self.bytes_read)
     }
 
-    /// Bytes of all chunks in memory.
+    /// Bytes evicted since the last call.
+    pub fn take_bytes_evicted(&mut self) -> u64 {
+        std::mem::take(&mut self.bytes_evicted)
+    }
+
+    /// Bytes of all chunks in memory, and of those that are being read.
     pub fn bytes_held(&self) -> u64 {
-        self.bytes_held
+        self.bytes_held + self.shared.todo.lock().in_flight.iter().map(|request| request.bytes).sum::<u64>()
+    }
+
+    /// Whether the cap kept the last plan from all that was wanted.
+    pub fn is_capped(&self) -> bool {
+        self.is_capped
     }
 }
 
 impl Drop for Residency {
     fn drop(&mut self) {
-        // Closing the channel ends the workers once the queue is empty.
-        self.requests = None;
-        while self.queued.try_recv().is_ok() {}
+        {
+            let mut todo = self.shared.todo.lock();
+            todo.closed = true;
+            todo.queue.clear();
+        }
+        self.shared.changed.notify_all();
         for worker in self.workers.drain(..) {
             // A worker that panicked has printed its message already.
             let _ = worker.join();
@@ -156,9 +375,50 @@ impl Drop for Residency {
     }
 }
 
-fn serve(scene: &Scene, todo: &Receiver<Request>, done: &Sender<Arrival>) {
-    while let Ok(request) = todo.recv() {
-        let chunk = scene.read_chunk(request.part, request.tier);
+impl Shared {
+    /// Empties the list, and tells what was taken from it already.
+    fn stop_taking(&self) -> Vec<Request> {
+        let mut todo = self.todo.lock();
+        todo.queue.clear();
+        todo.in_flight.clone()
+    }
+
+    fn give(&self, requests: impl Iterator<Item = Request>) {
+        self.todo.lock().queue.extend(requests);
+        self.changed.notify_all();
+    }
+
+    /// The next request, once there is one; `None` at the end.
+    fn take(&self) -> Option<Request> {
+        let mut todo = self.todo.lock();
+        loop {
+            if todo.closed {
+                return None;
+            }
+            if let Some(request) = todo.queue.pop_front() {
+                todo.in_flight.push(request);
+                return Some(request);
+            }
+            self.changed.wait(&mut todo);
+        }
+    }
+
+    /// Waits as long as a slow disk would take.
+    fn pace(&self, bytes: u64) {
+        let Some(rate) = self.read_rate else { return };
+        let until = {
+            let mut free_at = self.free_at.lock();
+            *free_at = (*free_at).max(Instant::now()) + Duration::from_secs_f64(bytes as f64 / rate as f64);
+            *free_at
+        };
+        std::thread::sleep(until.saturating_duration_since(Instant::now()));
+    }
+}
+
+fn serve(shared: &Shared, done: &Sender<Arrival>) {
+    while let Some(request) = shared.take() {
+        let chunk = shared.scene.read_chunk(request.part, request.tier);
+        shared.pace(request.bytes);
         if done.send((request, chunk)).is_err() {
             return;
         }

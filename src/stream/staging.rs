@@ -11,8 +11,8 @@ use wgpu::WriteOnly;
 use crate::gpu::{Gpu, GpuError};
 
 const SLOTS: usize = 3;
-/// The least size of a slot.
-const LEAST_BYTES: u64 = 1 << 16;
+/// The least size of a slot, in bytes.
+pub const LEAST_SLOT_BYTES: u64 = 1 << 16;
 
 /// The ring.
 #[derive(Debug, Default)]
@@ -67,7 +67,7 @@ impl Staging {
         if !fits {
             *slot = None;
         }
-        let size = bytes.max(LEAST_BYTES).checked_next_power_of_two().unwrap_or(bytes);
+        let size = bytes.max(LEAST_SLOT_BYTES).checked_next_power_of_two().unwrap_or(bytes);
         let size = size.min(gpu.limits.max_buffer_size).max(bytes);
         if slot.is_none() {
             *slot = Some(new_slot(gpu, size)?);

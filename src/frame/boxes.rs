@@ -1,0 +1,94 @@
+//! Instances of which nothing has arrived in, the boxes that stand in for them out.
+
+use super::{FrameError, Renderer};
+use crate::geometry::Grid;
+use crate::geometry::record::Attributes;
+use crate::gpu::{Gpu, GpuError};
+use crate::passes::draw::{DrawPass, InstanceRow};
+use crate::scene::Scene;
+use glam::{DAffine3, DMat3, DVec3};
+
+/// A box that would be larger in the picture is not drawn: it would hide what is there already.
+const LARGEST_PX: f64 = 96.0;
+/// No more boxes than these are drawn: 16 MiB of rows.
+const MOST: usize = 1 << 18;
+
+/// The rows of all boxes, on the GPU.
+pub(super) struct Boxes {
+    rows: wgpu::Buffer,
+    group: wgpu::BindGroup,
+    drawn: Vec<u32>,
+}
+
+impl Boxes {
+    pub fn new(gpu: &Gpu, draw: &DrawPass) -> Result<Self, GpuError> {
+        let rows = gpu.storage("box rows", size_of::<InstanceRow>() as u64)?;
+        Ok(Self { group: draw.bind_instances(&gpu.device, &rows), rows, drawn: Vec::new() })
+    }
+
+    /// What the draw pass needs, if there are any.
+    pub fn drawn(&self) -> Option<(&wgpu::BindGroup, u32)> {
+        (!self.drawn.is_empty()).then_some((&self.group, self.drawn.len() as u32))
+    }
+
+    pub fn count(&self) -> u64 {
+        self.drawn.len() as u64
+    }
+
+    pub fn size_bytes(&self) -> u64 {
+        self.rows.size()
+    }
+
+    /// Takes other instances; returns the bytes sent, none if they are the same as before.
+    pub fn set(
+        &mut self,
+        gpu: &Gpu,
+        draw: &DrawPass,
+        scene: &Scene,
+        instances: Vec<u32>,
+    ) -> Result<u64, GpuError> {
+        if instances == self.drawn {
+            return Ok(0);
+        }
+        let rows: Vec<InstanceRow> = instances.iter().map(|&instance| box_row(scene, instance)).collect();
+        let bytes = size_of_val(rows.as_slice()) as u64;
+        if bytes > self.rows.size() {
+            self.rows = gpu.storage("box rows", bytes + bytes / 4)?;
+            self.group = draw.bind_instances(&gpu.device, &self.rows);
+        }
+        gpu.queue.write_buffer(&self.rows, 0, bytemuck::cast_slice(&rows));
+        self.drawn = instances;
+        Ok(bytes)
+    }
+}
+
+/// The unit cube, placed where the box of an instance's part is, in the instance's colour.
+fn box_row(scene: &Scene, number: u32) -> InstanceRow {
+    let instance = &scene.instances()[number as usize];
+    let [low, high] = scene.parts()[instance.part as usize].bounds().map(DVec3::from);
+    let part_from_cube = DAffine3 { matrix3: DMat3::from_diagonal(high - low), translation: low };
+    let unit = Grid { origin: [0.0; 3], step_exponent: 0 };
+    InstanceRow::new(instance.transform() * part_from_cube, unit, scene.colour(instance), Attributes::Normal)
+}
+
+impl Renderer {
+    /// Boxes for what is wished for, small, and not there at all.
+    pub(super) fn place_boxes(&mut self) -> Result<u64, FrameError> {
+        let visible = self.wishes.visible().iter().zip(&self.seen_px);
+        let small = visible.filter(|&(&instance, &px)| {
+            let part = self.scene.instances()[instance as usize].part;
+            f64::from(px) <= LARGEST_PX
+                && self.residency.part(part).vertices_arrived() == 0
+                && !self.parent_is_drawn(instance)
+        });
+        let instances = small.map(|(&instance, _)| instance).take(MOST).collect();
+        Ok(self.boxes.set(&self.gpu, &self.draw, &self.scene, instances)?)
+    }
+
+    /// Whether a parent cell stands in for an instance.
+    pub(super) fn parent_is_drawn(&self, instance: u32) -> bool {
+        let above = |&instance: &u32| self.scene.parent_instance(instance);
+        std::iter::successors(self.scene.parent_instance(instance), above)
+            .any(|parent| !self.wanted[parent as usize].is_empty())
+    }
+}

@@ -1,0 +1,185 @@
+//! Caps on what is held, in memory and on the GPU: kept whatever they are, and settled soon.
+//!
+//! Every frame of these flights waits for what it asked for, so that they do not depend on the machine.
+
+#![expect(clippy::unwrap_used, reason = "a test's helpers panic to fail it")]
+
+mod common;
+
+use std::sync::Arc;
+
+use collapsar::frame::{FrameError, Renderer, Settings};
+use collapsar::gpu::{Gpu, GpuOptions, testing};
+use collapsar::scene::{Camera, CameraPath, Scene};
+use collapsar::select::SelectOn;
+use collapsar::stats::FrameRecord;
+use collapsar::stream::residency::{Residency, ResidencyOptions, Wanted};
+
+/// The device, or `None` where the environment says that there is none.
+fn device(test: &str) -> Option<Arc<Gpu>> {
+    if std::env::var(testing::NO_GPU_VARIABLE).is_ok_and(|value| value == "1") {
+        testing::log_run(test, None);
+        return None;
+    }
+    let gpu = Arc::new(Gpu::new(&GpuOptions::default()).unwrap());
+    testing::log_run(test, Some(&gpu.adapter_info.name));
+    Some(gpu)
+}
+
+/// Parts of many sizes, each in its own place.
+fn scene() -> Arc<Scene> {
+    let meshes: Vec<_> = (0..40u32)
+        .map(|i| {
+            let mut mesh = common::height_field(6 + i % 8 * 9);
+            let at = [(i % 7) as f32 * 1.2, (i / 7) as f32 * 1.2, (i % 3) as f32 * 0.4];
+            mesh.positions.iter_mut().for_each(|p| (0..3).for_each(|axis| p[axis] += at[axis]));
+            mesh
+        })
+        .collect();
+    common::baked_meshes(&meshes)
+}
+
+const SETTINGS: fn() -> Settings = || Settings {
+    budget_vertices: 60_000,
+    select: SelectOn::Cpu,
+    width: 200,
+    height: 150,
+    samples: 1,
+    ..Settings::default()
+};
+
+/// Flies around the scene and then rests; the records of both.
+fn fly(gpu: &Arc<Gpu>, scene: &Arc<Scene>, settings: Settings) -> Result<[Vec<FrameRecord>; 2], FrameError> {
+    let mut renderer = Renderer::new(Arc::clone(gpu), Arc::clone(scene), settings)?;
+    let path = CameraPath::parse("orbit").unwrap();
+    let cameras: Vec<Camera> = (0..24).map(|frame| path.camera(frame, 24, scene.bounds())).collect();
+    let moving = cameras.iter().map(|camera| renderer.frame(camera)).collect::<Result<Vec<_>, _>>()?;
+    let rest = (0..60).map(|_| renderer.frame(&cameras[23])).collect::<Result<Vec<_>, _>>()?;
+    Ok([moving, rest])
+}
+
+/// Twenty steps from `least` to `most`, by the same factor.
+fn steps(least: u64, most: u64) -> impl Iterator<Item = u64> {
+    let ratio = most as f64 / least as f64;
+    (0..20).map(move |i| (least as f64 * ratio.powf(f64::from(i) / 19.0)).ceil() as u64)
+}
+
+/// What the error of a cap that is too small says would be enough.
+fn least_of(result: Result<[Vec<FrameRecord>; 2], FrameError>) -> u64 {
+    match result {
+        Err(FrameError::CapTooSmall { need_bytes, .. }) => need_bytes,
+        other => panic!("no error of a cap: {:?}", other.map(|_| ())),
+    }
+}
+
+#[track_caller]
+fn assert_settled(rest: &[FrameRecord], cap: u64) {
+    let moved = |record: &FrameRecord| record.bytes_sent + record.disk_bytes + record.evicted_bytes;
+    let last = rest.iter().rposition(|record| moved(record) > 0).map_or(0, |frame| frame + 1);
+    assert!(last < rest.len() / 2, "under {cap} bytes it still moves bytes in frame {last} at rest");
+}
+
+#[test]
+fn memory_stays_below_any_cap_and_what_fits_is_drawn() {
+    let Some(gpu) = device("residency::memory_stays_below_any_cap_and_what_fits_is_drawn") else {
+        return;
+    };
+    let scene = scene();
+    let with = |cap| Settings { memory_limit_bytes: Some(cap), ..SETTINGS() };
+    let least = least_of(fly(&gpu, &scene, with(1)));
+    assert_eq!(least_of(fly(&gpu, &scene, with(least - 1))), least);
+    let [free, _] = fly(&gpu, &scene, SETTINGS()).unwrap();
+    let chunks = free.iter().map(|record| record.resident_bytes).max().unwrap();
+    let mut drawn = Vec::new();
+    for cap in steps(least, least + 2 * chunks) {
+        let [moving, rest] = fly(&gpu, &scene, with(cap)).unwrap();
+        for record in moving.iter().chain(&rest) {
+            assert!(
+                record.memory_bytes <= cap,
+                "{} of {cap} bytes in frame {}",
+                record.memory_bytes,
+                record.frame
+            );
+        }
+        assert_settled(&rest, cap);
+        drawn.push(rest[59].active_vertices);
+    }
+    assert!(drawn[0] > 0, "nothing is drawn under the least cap");
+    let uncapped = fly(&gpu, &scene, SETTINGS()).unwrap()[1][59].active_vertices;
+    assert_eq!(drawn[19], uncapped, "an ample cap changes the picture");
+    assert!(drawn.is_sorted(), "more memory draws less: {drawn:?}");
+}
+
+#[test]
+fn gpu_memory_stays_below_any_cap() {
+    let Some(gpu) = device("residency::gpu_memory_stays_below_any_cap") else { return };
+    let scene = scene();
+    let with = |cap| Settings { gpu_limit_bytes: Some(cap), ..SETTINGS() };
+    let least = least_of(fly(&gpu, &scene, with(1)));
+    let [free, _] = fly(&gpu, &scene, SETTINGS()).unwrap();
+    let ample = 2 * free.iter().map(|record| record.gpu_bytes).max().unwrap();
+    let mut drawn = Vec::new();
+    // The least cap counts what a small transfer takes; a little more is needed for a larger one.
+    for cap in steps(least + least / 8, ample) {
+        let [moving, rest] = fly(&gpu, &scene, with(cap)).unwrap();
+        for record in moving.iter().chain(&rest) {
+            assert!(record.gpu_bytes <= cap, "{} of {cap} bytes in frame {}", record.gpu_bytes, record.frame);
+        }
+        assert_settled(&rest, cap);
+        drawn.push(rest[59].active_vertices);
+    }
+    assert!(drawn[0] > 0 && drawn[19] > 50_000, "{drawn:?}");
+}
+
+/// Without a cap the budget decides, also where the coarsest states of all are more than it.
+#[test]
+fn the_budget_is_a_cap_too() {
+    let Some(gpu) = device("residency::the_budget_is_a_cap_too") else { return };
+    let scene = scene();
+    for budget_vertices in [100, 400, 2000, 20_000] {
+        let [moving, rest] = fly(&gpu, &scene, Settings { budget_vertices, ..SETTINGS() }).unwrap();
+        for record in moving.iter().chain(&rest) {
+            let most = budget_vertices as f64 * 1.02;
+            assert!(record.active_vertices as f64 <= most, "{} of {budget_vertices}", record.active_vertices);
+        }
+        assert!(rest[59].active_vertices > 0, "{budget_vertices}: {:?}", rest[59]);
+    }
+}
+
+/// What is urgent comes first, whatever the order in which it is asked for; what a cap leaves out is what matters least.
+#[test]
+fn a_cap_keeps_the_most_error_removed_for_each_byte() {
+    let scene = scene();
+    let bytes = |residency: &Residency| residency.bytes_held();
+    let want = |part: u32, weight: f32| Wanted { part, tier: 0, weight };
+    let parts = scene.parts().len() as u32;
+    let all: Vec<Wanted> = (0..parts).map(|part| want(part, if part % 2 == 0 { 1e6 } else { 1.0 })).collect();
+    let others: Vec<Wanted> = (0..parts).filter(|part| part % 2 == 1).map(|part| want(part, 1.0)).collect();
+    let mut free = Residency::new(&scene, ResidencyOptions::default());
+    free.plan(&others);
+    free.settle().unwrap();
+    let cap = bytes(&free);
+    let mut capped = Residency::new(&scene, ResidencyOptions { cap_bytes: Some(cap), read_rate: None });
+    capped.plan(&all);
+    capped.settle().unwrap();
+    assert!(bytes(&capped) <= cap && capped.is_capped(), "{} of {cap}", bytes(&capped));
+    let share = |part: u32| {
+        f64::from(capped.part(part).vertices_arrived()) / f64::from(scene.parts()[part as usize].vertices)
+    };
+    let mean =
+        |odd: u32| (0..parts).filter(|part| part % 2 == odd).map(share).sum::<f64>() / f64::from(parts / 2);
+    assert!(mean(0) == 1.0 && mean(1) < 0.9, "{} and {}", mean(0), mean(1));
+    // The others, now: the cap holds all the way, and in the end it is theirs.
+    capped.plan(&others);
+    capped.settle().unwrap();
+    assert!(bytes(&capped) <= cap);
+    for part in others.iter().map(|want| want.part) {
+        assert_eq!(capped.part(part).vertices_arrived(), scene.parts()[part as usize].vertices);
+    }
+    // The same plan again moves nothing.
+    capped.take_bytes_read();
+    capped.take_bytes_evicted();
+    capped.plan(&others);
+    capped.settle().unwrap();
+    assert_eq!((capped.take_bytes_read(), capped.take_bytes_evicted()), (0, 0));
+}

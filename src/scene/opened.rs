@@ -30,6 +30,7 @@ pub enum SceneError {
 #[derive(Debug)]
 pub struct Scene {
     file: MappedFile,
+    file_name: String,
     parts: Vec<PartRow>,
     /// Specs of all chunks; part `p` has `chunk_start[p]..chunk_start[p + 1]`, finest first.
     chunks: Vec<ChunkSpec>,
@@ -39,6 +40,19 @@ pub struct Scene {
     boxes: Vec<InstanceBox>,
     bounds: Bounds,
     has_parents: bool,
+}
+
+/// How large a model is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SceneCounts {
+    /// Distinct parts; one that was cut into cells counts once.
+    pub parts: u64,
+    /// Placements of parts, before the cut into cells.
+    pub instances: u64,
+    /// Triangles at full detail, summed over the placements.
+    pub triangles_placed: u64,
+    /// Bytes of the container.
+    pub file_bytes: u64,
 }
 
 /// The world-space box of an instance.
@@ -71,7 +85,38 @@ impl Scene {
             bounds.with_point(b.centre - b.half_extent).with_point(b.centre + b.half_extent)
         });
         let has_parents = parts.iter().any(PartRow::is_parent);
-        Ok(Self { has_parents, parts, chunks, chunk_start, instances, colours, boxes, bounds, file })
+        let file_name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(Self {
+            has_parents,
+            parts,
+            chunks,
+            chunk_start,
+            instances,
+            colours,
+            boxes,
+            bounds,
+            file,
+            file_name,
+        })
+    }
+
+    /// The container's name, without its folder.
+    pub fn file_name(&self) -> &str {
+        &self.file_name
+    }
+
+    /// How large the model is; takes a look at every part and instance.
+    pub fn counts(&self) -> SceneCounts {
+        let parts = &self.parts;
+        let is_first_cell = |part: usize| part == 0 || parts[part].source != parts[part - 1].source;
+        let placed = || self.instances.iter().map(|instance| instance.part as usize);
+        let leaves = placed().filter(|&part| !parts[part].is_parent());
+        SceneCounts {
+            parts: (0..parts.len()).filter(|&part| is_first_cell(part)).count() as u64,
+            instances: placed().filter(|&part| is_first_cell(part)).count() as u64,
+            triangles_placed: leaves.map(|part| u64::from(parts[part].triangles)).sum(),
+            file_bytes: self.file.bytes().len() as u64,
+        }
     }
 
     /// The parts.

@@ -15,6 +15,8 @@ const TIER_HYSTERESIS: f32 = 0.8;
 #[derive(Debug, Default)]
 pub struct StateChooser {
     wishes: Vec<u32>,
+    /// As much of the wishes as had arrived.
+    within: Vec<u32>,
     granted: Vec<u32>,
 }
 
@@ -28,9 +30,9 @@ pub struct Choice {
 }
 
 impl StateChooser {
-    /// Rounds every wish to a state and writes it to `states`. With `keep`, an instance whose wish did not change
-    /// keeps the count it was granted, so that rounding does not flicker; without, the result depends on the wishes
-    /// alone.
+    /// Rounds every wish to a state and writes it to `states`. With `keep`, an instance whose wish did not change, and
+    /// of which no more of it has arrived, keeps the count it was granted, so that rounding does not flicker; without,
+    /// the result depends on the wishes alone.
     pub fn choose(
         &mut self,
         scene: &Scene,
@@ -44,6 +46,7 @@ impl StateChooser {
         let parts: Vec<u32> = scene.instances().iter().map(|instance| instance.part).collect();
         let keep = keep && self.wishes.len() == wishes.len();
         let mut counts = vec![0; wishes.len()];
+        let mut arrived = vec![0; wishes.len()];
         let mut choice = Choice { misses: replaced, ..Choice::default() };
         let mut left = 0i64;
         for (i, &wish) in wishes.iter().enumerate().filter(|&(_, &wish)| wish > 0) {
@@ -51,7 +54,9 @@ impl StateChooser {
             let within = wish.min(part.vertices_arrived());
             choice.visible += 1;
             choice.misses += u32::from(within < wish);
-            counts[i] = if keep && self.wishes[i] == wish && self.granted[i] <= part.vertices_arrived() {
+            arrived[i] = within;
+            let is_as_before = keep && self.wishes[i] == wish && self.within[i] == within;
+            counts[i] = if is_as_before && self.granted[i] <= part.vertices_arrived() {
                 self.granted[i]
             } else {
                 part.triangles_at().state_at_most(within as usize) as u32
@@ -65,6 +70,7 @@ impl StateChooser {
         }
         self.wishes.clear();
         self.wishes.extend_from_slice(wishes);
+        self.within = arrived;
         self.granted = counts;
         choice
     }

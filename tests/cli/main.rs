@@ -19,5 +19,6 @@ mod input;
 mod interrupted;
 mod models;
 mod pipes;
+mod report;
 mod reports;
 mod workplace;

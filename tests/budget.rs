@@ -190,7 +190,7 @@ fn what_arrives_is_drawn_at_an_unchanged_wish() {
     let mut states = vec![State::default(); wishes.len()];
     let early = chooser.choose(&scene, &Residency::new(&scene), &wishes, true, &mut states);
     assert_eq!((early.visible, early.misses), (3, 3));
-    assert!(states.iter().all(State::is_empty));
+    assert!(states.iter().all(|state| state.is_empty()));
     let late = chooser.choose(&scene, &everything(&scene), &wishes, true, &mut states);
     assert_eq!(late.misses, 0);
     let drawn: Vec<u32> = states.iter().map(|state| state.vertices).collect();

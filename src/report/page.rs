@@ -133,9 +133,11 @@ fn tiles(flown: &Flown) -> Markup {
     let saving = summary.transfer_saving.map_or("–".to_owned(), digits);
     let of = match summary.flight.model_triangles {
         0 => String::new(),
-        all => format!(" of {}", human::count(all)),
+        all => format!(", of {} in the model", human::count(all)),
     };
     let ms = human::milliseconds;
+    let slowest =
+        if summary.frames < 1000 { "the slowest frame (p99.9)" } else { "one in 1,000 is slower (p99.9)" };
     html! {
         div.tiles {
             div.tile.chief {
@@ -150,7 +152,7 @@ fn tiles(flown: &Flown) -> Markup {
             (tile(&human::count(summary.frames), "", &format!("frames along `{}`", summary.flight.path)))
             (tile(&ms(summary.frame_ms_p50), "ms", "the median frame (p50)"))
             (tile(&ms(summary.frame_ms_p99), "ms", "one frame in 100 is slower (p99)"))
-            (tile(&ms(p999(flown)), "ms", "one in 1,000 is slower (p99.9)"))
+            (tile(&ms(p999(flown)), "ms", slowest))
         }
     }
 }
@@ -340,8 +342,10 @@ fn one_flight(flown: &Flown, number: usize, flights: usize, is_chief: bool) -> R
     })
 }
 
-/// What a flight ran on, as lines of name and value.
-fn machine_lines(flight: &Flight) -> Vec<(&'static str, String)> {
+/// What a flight ran on: names and values.
+type MachineLines = Vec<(&'static str, String)>;
+
+fn machine_lines(flight: &Flight) -> MachineLines {
     let timed = match (flight.gpu_timestamps, is_software(flight)) {
         (true, _) => "by timestamps on the GPU",
         (false, true) => "by the CPU around a wait, as a software adapter's timestamps mean nothing",
@@ -363,7 +367,7 @@ fn machine_lines(flight: &Flight) -> Vec<(&'static str, String)> {
 }
 
 fn machines(flights: &[Flown]) -> Markup {
-    let mut found: Vec<(Vec<(&'static str, String)>, Vec<&str>)> = Vec::new();
+    let mut found: Vec<(MachineLines, Vec<&str>)> = Vec::new();
     for flown in flights {
         let lines = machine_lines(&flown.summary.flight);
         match found.iter_mut().find(|(other, _)| *other == lines) {

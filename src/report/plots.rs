@@ -226,7 +226,7 @@ fn triangles(flight: &Flown) -> Result<Figure, ReportError> {
 pub fn share(part: f64, whole: f64) -> String {
     let percent = if whole > 0.0 { 100.0 * part / whole } else { 0.0 };
     match percent {
-        p if p == 0.0 => "0 %".to_owned(),
+        0.0 => "0 %".to_owned(),
         p if p >= 9.95 => format!("{p:.0} %"),
         p if p >= 0.995 => format!("{p:.1} %"),
         p if p >= 0.0995 => format!("{p:.2} %"),

@@ -224,7 +224,7 @@ fn residency(flights: &[Flown]) -> Result<Figure, ReportError> {
             line(&bands(values(flight, |r| r.resident_bytes as f64)), colour(number), 3 + 3 * number as u32)
         })
         .collect();
-    let name = "bytes held in memory, all flights".to_owned();
+    let name = "residency, all flights".to_owned();
     let svg = Chart { name, x: frame_axis(longest(flights)), y, layers, height: HEIGHT }.svg()?;
     let misses: u64 = flights.iter().map(|flight| flight.summary.misses_total).sum();
     let (_, largest) = extremes(flights, |flight| flight.summary.resident_bytes_peak as f64);

@@ -318,7 +318,7 @@ fn damaged_summaries_are_told_with_their_line() {
         ("\"frames\": 3", "\"frames\": \"3\"", "invalid type: string \"3\", expected u64"),
         ("\"frames\": 3", "\"framed\": 3", "missing field `frames`"),
         ("\"frames\": 3", "\"frames\" 3", "expected `:` at line"),
-        ("{", "[", "line 1 column"),
+        ("{", "<", "expected value at line 1 column 1"),
     ] {
         let place = made(3);
         edit(&place, "flight/summary.json", from, to);

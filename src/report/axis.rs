@@ -56,7 +56,9 @@ impl Axis {
         let positive = values.clone().filter(|&value| value > 0.0 && value.is_finite());
         let (low, high) =
             positive.fold((f64::INFINITY, 0.0f64), |(low, high), value| (low.min(value), high.max(value)));
-        let (low, high) = if low <= high { (low, high) } else { (1.0, 1.0) };
+        // Nothing that is measured is outside, and a damaged file shall not make an endless axis.
+        let within = |value: f64| value.clamp(1e-30, 1e30);
+        let (low, high) = if low <= high { (within(low), within(high)) } else { (1.0, 1.0) };
         let mut ticks = powers(unit, low, high);
         let has_zero = values.into_iter().any(|value| value <= 0.0);
         let mut floor = ticks[0];

@@ -115,14 +115,14 @@ pub fn name_of(strategy: &str) -> &'static str {
 mod tests {
     use super::*;
 
-    /// The text of the paper names these quotients of times and shares of triangles.
+    /// The text of the paper names these quotients of times, cut after two decimals, and shares of triangles.
     #[test]
     fn the_numbers_agree_with_what_the_paper_derives_from_them() {
         let total = |row: &Streaming| {
             row.collection_ms.unwrap_or(0.0) + row.transfer_ms + row.defragment_ms.unwrap_or(0.0)
         };
         let over_coherent = |row: usize| total(&STREAMING[row]) / total(&STREAMING[row % 2]);
-        let quotients = [2, 3, 4, 5].map(|row| (100.0 * over_coherent(row)).round() / 100.0);
+        let quotients = [2, 3, 4, 5].map(|row| (100.0 * over_coherent(row)).floor() / 100.0);
         assert_eq!(quotients, [1.96, 2.39, 19.83, 4.82]);
         let shares =
             [0, 1].map(|row| 1e5 * STREAMING[row].streamed.0 as f64 / STREAMING[row].active.0 as f64);

@@ -30,4 +30,7 @@ pub enum Error {
     /// Pictures.
     #[error(transparent)]
     Target(#[from] crate::gpu::target::TargetError),
+    /// The page of flights.
+    #[error(transparent)]
+    Report(#[from] crate::report::ReportError),
 }

@@ -4,7 +4,7 @@
 //! by the edge collapses that remove it; [`bake`] does so for all parts in parallel; [`container`] keeps the result
 //! in a checked, memory-mapped file; [`scene`] opens it; [`select`] grants every instance a budget; [`stream`] finds
 //! what the GPU lacks; [`gpu`] and [`passes`] defragment, reform and draw it; [`reference`](mod@reference) does the
-//! same on the CPU, in the simplest way that is correct; [`stats`] counts it all. Beside this way, [`measure`] tells how
+//! same on the CPU, in the simplest way that is correct; [`stats`] counts it all, and [`report`] shows it. Beside this way, [`measure`] tells how
 //! far two surfaces lie apart, and [`mod@compare`] how far the levels of detail are from what they were made of.
 //!
 //! The words are those of Peng & Cao 2012, *A GPU-based Approach for Massive Model Rendering with Frame-to-Frame
@@ -22,6 +22,7 @@ pub mod import;
 pub mod measure;
 pub mod passes;
 pub mod reference;
+pub mod report;
 pub mod scene;
 pub mod select;
 pub mod stats;

@@ -185,3 +185,21 @@ fn check_state(scene: &Scene, residency: &Residency, part: u32, state: State) ->
     prop_assert_eq!(state.ecol, tier.vertices);
     Ok(())
 }
+
+/// With `--live` the first frames have little to draw; what has arrived since is drawn though no wish has changed.
+#[test]
+fn what_arrives_is_drawn_at_an_unchanged_wish() {
+    let scene = scene_of(&[9, 6, 12], &[([0.0; 3], 1.0), ([5.0, 0.0, 0.0], 2.0), ([0.0, 9.0, 0.0], 1.0)]);
+    let wishes: Vec<u32> = select_rows(&scene).iter().map(|row| row.ceiling).collect();
+    let mut chooser = StateChooser::default();
+    let mut states = vec![State::default(); wishes.len()];
+    let nothing = Residency::new(&scene, ResidencyOptions::default());
+    let visible = wished(&wishes);
+    let early = chooser.choose(&scene, &nothing, (&wishes, &visible), true, &mut states);
+    assert_eq!((early.visible, early.misses), (3, 3));
+    assert!(states.iter().all(|state| state.is_empty()));
+    let late = chooser.choose(&scene, &everything(&scene), (&wishes, &visible), true, &mut states);
+    assert_eq!(late.misses, 0);
+    let drawn: Vec<u32> = states.iter().map(|state| state.vertices).collect();
+    assert_eq!(drawn, wishes);
+}

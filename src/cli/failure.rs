@@ -91,4 +91,5 @@ from_library!(
     collapsar::frame::FrameError,
     collapsar::scene::camera_path::CameraPathError,
     collapsar::gpu::target::TargetError,
+    collapsar::report::ReportError,
 );

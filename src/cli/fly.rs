@@ -9,6 +9,7 @@ use collapsar::frame::{PassesOn, Renderer, Settings};
 use collapsar::gpu::{Gpu, GpuOptions};
 use collapsar::scene::{CameraPath, Scene};
 use collapsar::select::SelectOn;
+use collapsar::stats::machine::{Machine, command_line};
 use collapsar::stats::report::{Flight, comparison_table, human, write_csv};
 use collapsar::stats::{FrameRecord, Summary};
 use collapsar::stream::Strategy;
@@ -215,7 +216,7 @@ pub fn fly(
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let summary = Summary::new(description(gpu, plan, &hashes), &records);
+    let summary = Summary::new(description(gpu, scene, plan, &hashes), &records);
     if let Some(folder) = folder {
         output::write_whole(&folder.join("frames.csv"), |out| write_csv(out, &records))?;
         output::write_json(&folder.join("summary.json"), &summary)?;
@@ -230,8 +231,10 @@ fn progress_bar(plan: &FlightPlan<'_>) -> ProgressBar {
     ProgressBar::new(plan.frames).with_style(style).with_message(plan.settings.strategy.word())
 }
 
-fn description(gpu: &Gpu, plan: &FlightPlan<'_>, hashes: &Hashes) -> Flight {
+fn description(gpu: &Gpu, scene: &Scene, plan: &FlightPlan<'_>, hashes: &Hashes) -> Flight {
     let info = &gpu.adapter_info;
+    let machine = Machine::this();
+    let counts = scene.counts();
     let on_reference = plan.settings.passes == PassesOn::Reference;
     let adapter = format!("{} ({}, {:?})", info.name, info.driver_info, info.device_type);
     Flight {
@@ -245,6 +248,16 @@ fn description(gpu: &Gpu, plan: &FlightPlan<'_>, hashes: &Hashes) -> Flight {
         index_hash: hashes.text(&hashes.indices),
         vertex_hash: hashes.text(&hashes.vertices),
         gpu_timestamps: gpu.timestamps,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        command: command_line(),
+        cpu: machine.cpu,
+        cores: machine.cores,
+        memory_bytes: machine.memory_bytes,
+        model: scene.file_name().to_owned(),
+        parts: counts.parts,
+        instances: counts.instances,
+        model_triangles: counts.triangles_placed,
+        file_bytes: counts.file_bytes,
     }
 }
 

@@ -16,4 +16,4 @@ pub mod part;
 pub use bounds::Bounds;
 pub use camera::Camera;
 pub use camera_path::CameraPath;
-pub use opened::{InstanceBox, Scene, SceneError};
+pub use opened::{InstanceBox, Scene, SceneCounts, SceneError};

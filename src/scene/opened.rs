@@ -47,6 +47,19 @@ pub struct Scene {
     has_parents: bool,
 }
 
+/// How large a model is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SceneCounts {
+    /// Distinct parts; one that was cut into cells counts once.
+    pub parts: u64,
+    /// Placements of parts, before the cut into cells.
+    pub instances: u64,
+    /// Triangles at full detail, summed over the placements.
+    pub triangles_placed: u64,
+    /// Bytes of the container.
+    pub file_bytes: u64,
+}
+
 /// The world-space box of an instance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InstanceBox {
@@ -79,6 +92,25 @@ impl Scene {
         let [parts, chunks, instances] = [SectionKind::Parts, SectionKind::Chunks, SectionKind::Instances]
             .map(|kind| container.section_range(kind));
         Ok(Self { has_parents, parts, chunks, instances, colours, boxes, bounds, tables, file })
+    }
+
+    /// The container's name, without its folder.
+    pub fn file_name(&self) -> String {
+        self.file.path().file_name().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
+    /// How large the model is; takes a look at every part and instance.
+    pub fn counts(&self) -> SceneCounts {
+        let parts = self.parts();
+        let is_first_cell = |part: usize| part == 0 || parts[part].source != parts[part - 1].source;
+        let placed = || self.instances().iter().map(|instance| instance.part as usize);
+        let leaves = placed().filter(|&part| !parts[part].is_parent());
+        SceneCounts {
+            parts: (0..parts.len()).filter(|&part| is_first_cell(part)).count() as u64,
+            instances: placed().filter(|&part| is_first_cell(part)).count() as u64,
+            triangles_placed: leaves.map(|part| u64::from(parts[part].triangles)).sum(),
+            file_bytes: self.file.bytes(),
+        }
     }
 
     fn rows<T: bytemuck::Pod>(&self, range: &Range<usize>) -> &[T] {

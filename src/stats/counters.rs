@@ -1,13 +1,16 @@
 //! One record per frame: the same fields in the viewer, the CSV, the JSON and the report.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Declares [`FrameRecord`] and the list of its columns in one place, so that they cannot differ.
 macro_rules! frame_record {
     ($($(#[$doc:meta])* $name:ident: $kind:ty,)*) => {
         /// What one frame did. Units are in the names; `existing` elements were held from the last frame, `streamed`
         /// ones were sent in this one, and `active` is both together, what is drawn.
-        #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+        ///
+        /// A field that is not in a file, because it was written before the field was added, is read as 0.
+        #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+        #[serde(default)]
         pub struct FrameRecord {
             $($(#[$doc])* pub $name: $kind,)*
         }

@@ -46,6 +46,36 @@ pub struct Flight {
     pub vertex_hash: String,
     /// Whether GPU stages were measured by timestamps on the GPU; otherwise by the CPU around a wait.
     pub gpu_timestamps: bool,
+    /// The version of this program.
+    #[serde(default)]
+    pub version: String,
+    /// The command line as it was typed, quoted where a shell needs it.
+    #[serde(default)]
+    pub command: String,
+    /// The processor's name, where the system tells.
+    #[serde(default)]
+    pub cpu: Option<String>,
+    /// How many threads may run at once; `None` where the system does not tell.
+    #[serde(default)]
+    pub cores: Option<u64>,
+    /// The machine's memory, where the system tells.
+    #[serde(default)]
+    pub memory_bytes: Option<u64>,
+    /// The container's file name, without its folder.
+    #[serde(default)]
+    pub model: String,
+    /// Distinct parts of the model; one that was cut into cells counts once.
+    #[serde(default)]
+    pub parts: u64,
+    /// Placements of parts, before the cut into cells.
+    #[serde(default)]
+    pub instances: u64,
+    /// Triangles of the model, summed over the placements of its parts.
+    #[serde(default)]
+    pub model_triangles: u64,
+    /// Size of the container.
+    #[serde(default)]
+    pub file_bytes: u64,
 }
 
 /// The summary of one flight, as in `summary.json`. `_mean` is over frames, `stage_ms` means by stage.
@@ -78,6 +108,9 @@ pub struct Summary {
     pub frame_ms_p50: f64,
     /// The slowest frame in a hundred.
     pub frame_ms_p99: f64,
+    /// The slowest frame in a thousand; the slowest of all in a flight of less.
+    #[serde(default)]
+    pub frame_ms_p999: f64,
     /// The mean frame.
     pub frame_ms_mean: f64,
     /// Mean milliseconds by stage.
@@ -120,6 +153,7 @@ impl Summary {
             steady_share: steady_share(records),
             frame_ms_p50: percentile(&frame_ms, 50.0),
             frame_ms_p99: percentile(&frame_ms, 99.0),
+            frame_ms_p999: percentile(&frame_ms, 99.9),
             frame_ms_mean: frame_ms.iter().sum::<f64>() / records.len().max(1) as f64,
             stage_ms: stage_means(records),
             misses_total: total(|r| r.misses),
@@ -222,6 +256,7 @@ mod tests {
             "transfer_saving",
             "frame_ms_p50",
             "frame_ms_p99",
+            "frame_ms_p999",
             "stage_ms",
             "gpu_bytes_peak",
             "resident_bytes_peak",
@@ -235,6 +270,17 @@ mod tests {
             assert!(json.get(key).is_some(), "{key}");
         }
         assert_eq!(serde_json::from_value::<Summary>(json).unwrap(), summary);
+    }
+
+    #[test]
+    fn summaries_of_older_versions_can_be_read() {
+        let mut json = serde_json::to_value(Summary::new(Flight::default(), &records())).unwrap();
+        let object = json.as_object_mut().unwrap();
+        for key in ["version", "command", "cpu", "cores", "memory_bytes", "model", "parts", "frame_ms_p999"] {
+            assert!(object.remove(key).is_some(), "{key}");
+        }
+        let summary: Summary = serde_json::from_value(json).unwrap();
+        assert_eq!((summary.frames, summary.flight.cpu, summary.frame_ms_p999), (4, None, 0.0));
     }
 
     #[test]

@@ -19,6 +19,7 @@ mod input;
 mod interrupted;
 mod models;
 mod pipes;
+mod report;
 mod reports;
 mod resume;
 mod workplace;

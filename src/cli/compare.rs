@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
-use std::time::Duration;
 
 use clap::Args;
 use collapsar::compare::plot::{self, PlotError};
@@ -14,10 +13,11 @@ use collapsar::import;
 use collapsar::scene::SceneError;
 use collapsar::scene::mapped::MappedFile;
 use collapsar::stats::report::human;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
 use super::bake::printable;
-use super::{Failure, interrupt, output, values};
+use super::progress::{self, watched};
+use super::{Failure, output, values};
 
 /// Arguments of `compare`.
 #[derive(Debug, Args)]
@@ -127,21 +127,11 @@ fn compare_with_progress(
 ) -> Result<Comparison, Failure> {
     let file = MappedFile::open(&arguments.file).map_err(SceneError::from)?;
     let progress = CompareProgress::default();
-    let flag = interrupt::flag();
-    std::thread::scope(|scope| {
-        let work = scope.spawn(|| {
-            let model = import::read(std::slice::from_ref(&arguments.original))?;
-            compare(&model, file.bytes(), options, &progress).map_err(|error| in_file(error, arguments))
-        });
-        let bar = progress_bar();
-        while !work.is_finished() {
-            progress.cancelled.store(flag.load(Ordering::Relaxed), Ordering::Relaxed);
-            show(&bar, &progress);
-            std::thread::sleep(Duration::from_millis(20));
-        }
-        bar.finish_and_clear();
-        work.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-    })
+    let work = || {
+        let model = import::read(std::slice::from_ref(&arguments.original))?;
+        compare(&model, file.bytes(), options, &progress).map_err(|error| in_file(error, arguments))
+    };
+    watched(&progress_bar(), &progress.cancelled, |bar| show(bar, &progress), work)
 }
 
 /// Adds the path of the file that is at fault.
@@ -161,9 +151,7 @@ fn in_file(error: CompareError, arguments: &CompareArguments) -> Failure {
 }
 
 fn progress_bar() -> ProgressBar {
-    let style = "{msg:9} [{bar:32}] {percent} %, {eta} left";
-    // The template is a constant that indicatif has parsed in every test of this verb.
-    let style = ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar());
+    let style = progress::style("{msg:9} [{bar:32}] {percent} %, {eta} left");
     ProgressBar::new(0).with_style(style).with_message("reading")
 }
 

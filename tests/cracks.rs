@@ -207,8 +207,11 @@ fn first_open_state(meshes: Vec<SourceMesh>) -> Option<Option<u32>> {
     let [part] = cells.as_slice() else { return None };
     let is_open = |&vn: &u32| {
         let mut edges = Edges::default();
-        count(&mut edges, triangles_of(part, vn), |_| true);
-        !is_closed(&edges)
+        let triangles = triangles_of(part, vn);
+        // One triangle is what stays of a sheet when one of its sides has vanished; it is drawn from both.
+        let is_sheet = part.triangles_at.count_at(vn as usize) == 1;
+        count(&mut edges, triangles, |_| true);
+        !is_sheet && !is_closed(&edges)
     };
     Some(some_states(part).into_iter().rev().find(is_open))
 }

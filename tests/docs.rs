@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 use collapsar::bake::{BakeReport, PartReport, StalledPart};
-use collapsar::compare::{Comparison, Figures, PartRow, RatioRow};
+use collapsar::compare::{Comparison, DealtRow, Figures, PartRow, RatioRow};
 use collapsar::stats::report::Flight;
 use collapsar::stats::{FrameRecord, Summary};
 use serde_json::Value;
@@ -83,7 +83,8 @@ fn every_key_of_a_bake_report_is_documented() {
 fn every_column_and_key_of_a_comparison_is_documented() {
     let columns: BTreeSet<String> = PartRow::COLUMNS.iter().map(|&column| column.to_owned()).collect();
     assert_eq!(documented("compare --csv"), columns, "docs/output.md (left) against the program (right)");
-    let row = RatioRow { meshoptimizer: Some(Figures::default()), ..RatioRow::default() };
+    let dealt = vec![DealtRow::default()];
+    let row = RatioRow { meshoptimizer: Some(Figures::default()), dealt, ..RatioRow::default() };
     let comparison = Comparison { rows: vec![row], ..Comparison::default() };
     assert_documented("compare --json", &serde_json::to_value(comparison).unwrap());
 }

@@ -3,7 +3,6 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
 
 use clap::Args;
 use collapsar::bake::{BakeError, BakeOptions, BakeProgress, BakeReport, bake};
@@ -13,9 +12,10 @@ use collapsar::geometry::body::OrderOptions;
 use collapsar::geometry::normals::CREASE_DEGREES;
 use collapsar::geometry::record::Stall;
 use collapsar::stats::report::human;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
-use super::{Failure, interrupt, output, values};
+use super::progress::{style, watched};
+use super::{Failure, output, values};
 
 /// Arguments of `bake`.
 #[derive(Debug, Args)]
@@ -150,23 +150,8 @@ pub fn bake_with_progress(
     options: &BakeOptions,
 ) -> Result<BakeReport, BakeError> {
     let progress = BakeProgress::default();
-    let flag = interrupt::flag();
-    std::thread::scope(|scope| {
-        let work = scope.spawn(|| bake(inputs, output, options, &progress));
-        let bar = ProgressBar::new(0);
-        while !work.is_finished() {
-            progress.cancelled.store(flag.load(Ordering::Relaxed), Ordering::Relaxed);
-            show(&bar, &progress);
-            std::thread::sleep(Duration::from_millis(20));
-        }
-        bar.finish_and_clear();
-        work.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-    })
-}
-
-fn style(template: &str) -> ProgressStyle {
-    // The templates are constants that indicatif has parsed in every test of this verb.
-    ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
+    let work = || bake(inputs, output, options, &progress);
+    watched(&ProgressBar::new(0), &progress.cancelled, |bar| show(bar, &progress), work)
 }
 
 /// Reading and writing have no measure of their own.

@@ -2,21 +2,22 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
-use std::time::Duration;
 
 use clap::Args;
 use collapsar::compare::plot::{self, PlotError};
 use collapsar::compare::{
-    CompareError, CompareOptions, CompareProgress, Comparison, Figures, PartRow, RatioRow, compare,
+    CompareError, CompareOptions, CompareProgress, Comparison, Dealing, DealtRow, Figures, PartRow, RatioRow,
+    compare,
 };
 use collapsar::import;
 use collapsar::scene::SceneError;
 use collapsar::scene::mapped::MappedFile;
 use collapsar::stats::report::human;
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
 use super::bake::printable;
-use super::{Failure, interrupt, output, values};
+use super::progress::{self, watched};
+use super::{Failure, output, values};
 
 /// Arguments of `compare`.
 #[derive(Debug, Args)]
@@ -126,21 +127,11 @@ fn compare_with_progress(
 ) -> Result<Comparison, Failure> {
     let file = MappedFile::open(&arguments.file).map_err(SceneError::from)?;
     let progress = CompareProgress::default();
-    let flag = interrupt::flag();
-    std::thread::scope(|scope| {
-        let work = scope.spawn(|| {
-            let model = import::read(std::slice::from_ref(&arguments.original))?;
-            compare(&model, file.bytes(), options, &progress).map_err(|error| in_file(error, arguments))
-        });
-        let bar = progress_bar();
-        while !work.is_finished() {
-            progress.cancelled.store(flag.load(Ordering::Relaxed), Ordering::Relaxed);
-            show(&bar, &progress);
-            std::thread::sleep(Duration::from_millis(20));
-        }
-        bar.finish_and_clear();
-        work.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-    })
+    let work = || {
+        let model = import::read(std::slice::from_ref(&arguments.original))?;
+        compare(&model, file.bytes(), options, &progress).map_err(|error| in_file(error, arguments))
+    };
+    watched(&progress_bar(), &progress.cancelled, |bar| show(bar, &progress), work)
 }
 
 /// Adds the path of the file that is at fault.
@@ -160,9 +151,7 @@ fn in_file(error: CompareError, arguments: &CompareArguments) -> Failure {
 }
 
 fn progress_bar() -> ProgressBar {
-    let style = "{msg:9} [{bar:32}] {percent} %, {eta} left";
-    // The template is a constant that indicatif has parsed in every test of this verb.
-    let style = ProgressStyle::with_template(style).unwrap_or_else(|_| ProgressStyle::default_bar());
+    let style = progress::style("{msg:9} [{bar:32}] {percent} %, {eta} left");
     ProgressBar::new(0).with_style(style).with_message("reading")
 }
 
@@ -197,7 +186,45 @@ fn describe(comparison: &Comparison) -> String {
     for row in &comparison.rows {
         lines.extend(row_lines(row, comparison.diagonal));
     }
+    if comparison.rows.iter().any(|row| !row.dealt.is_empty()) {
+        lines.push(dealt_heading());
+        lines.extend(comparison.rows.iter().flat_map(dealt_lines));
+    }
     lines.join("\n")
+}
+
+fn dealt_heading() -> String {
+    format!(
+        "\nthe model as it is placed, its triangles dealt over the parts:\n\
+        {:>6} {:<14} {:<9} {:>12} {:>10} {:>10} {:>8}",
+        "share", "simplifier", "dealt by", "triangles", "RMS", "max", "normals"
+    )
+}
+
+fn dealt_lines(row: &RatioRow) -> Vec<String> {
+    let line = |(nth, dealt): (usize, &DealtRow)| {
+        let by = match dealt.dealt_by {
+            Dealing::Share => "share",
+            Dealing::Cost if nth == 0 => "cost",
+            Dealing::Cost => "our cost",
+            Dealing::Error => "its error",
+        };
+        let share = if nth == 0 { percent(row.ratio) } else { String::new() };
+        let Figures { triangles, rms, max, normal_degrees, .. } = dealt.figures;
+        let (triangles, rms, max) = (human::count(triangles), length(rms), length(max));
+        let name = dealt.simplifier;
+        format!("{share:>6} {name:<14} {by:<9} {triangles:>12} {rms:>10} {max:>10} {normal_degrees:>7.2}°")
+    };
+    let mut lines: Vec<String> = row.dealt.iter().enumerate().map(line).collect();
+    let mut quotients = |name: &str, rms: Option<f64>, normal: Option<f64>| {
+        let (rms, normal) = (quotient(rms), quotient(normal));
+        lines.push(format!("{:>6} {name:<24} {:>12} {rms:>10} {:>10} {normal:>8}", "", "", ""));
+    };
+    if row.meshoptimizer.is_some() {
+        quotients("over its better one", row.dealt_rms_ratio, row.dealt_normal_ratio);
+        quotients("over the same counts", row.same_counts_rms_ratio, row.same_counts_normal_ratio);
+    }
+    lines
 }
 
 fn row_lines(row: &RatioRow, diagonal: f64) -> Vec<String> {

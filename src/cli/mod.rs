@@ -9,6 +9,7 @@ mod fly;
 mod info;
 mod interrupt;
 mod output;
+mod progress;
 mod report;
 mod values;
 mod verify;

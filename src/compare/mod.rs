@@ -3,8 +3,12 @@
 //! Every source part goes its own way, in parallel: `source` welds its mesh as the bake did and finds its cells in
 //! the container; [`states`] picks the state of every cell for a share of the triangles; meshoptimizer's `simplify`
 //! brings the welded mesh to the same count; [`measure`](crate::measure) compares both with the welded mesh in part
-//! space. [`Comparison`] pools the parts, and [`plot`] draws them.
+//! space. Where there are several parts, [`deal`] also deals a share of the placed model's triangles over them.
+//! [`Comparison`] pools the parts, and [`plot`] draws them.
 
+pub mod deal;
+mod part;
+mod placed;
 pub mod plot;
 mod report;
 mod source;
@@ -12,16 +16,17 @@ pub mod states;
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::container::{Container, ContainerError};
-use crate::geometry::OrderedPart;
 use crate::geometry::weld::WeldedMesh;
 use crate::import::Model;
-use crate::measure::{Sampling, Surface, SurfaceError, surface_error};
+use crate::measure::{Sampling, SurfaceError};
 
-pub use report::{Comparison, Figures, PartRow, RatioRow};
+use deal::{Curve, deal};
+use part::compare_part;
+use placed::Placed;
+pub use report::{Comparison, Dealing, DealtRow, Figures, PartRow, RatioRow};
 use source::Source;
 
 /// Why there is nothing to show.
@@ -72,7 +77,8 @@ const NO_LIMIT: f32 = 1e9;
 /// How far a comparison has come, readable from another thread.
 #[derive(Debug, Default)]
 pub struct CompareProgress {
-    /// Triangles to be simplified and measured, each once for every ratio; 0 until the parts are known.
+    /// Triangles to be simplified and measured, each once for every ratio, and once more where they are dealt; 0 until
+    /// the parts are known.
     pub triangles_total: AtomicU64,
     /// Those that have been.
     pub triangles_done: AtomicU64,
@@ -97,6 +103,17 @@ struct Measured {
     meshoptimizer: Option<Level>,
     /// What the container says of the states, in part units; `None` where it says nothing.
     stated: Option<f64>,
+    /// At the counts of a dealt model, in the order of [`Counts`]; none if nothing was dealt.
+    dealt: Vec<Level>,
+}
+
+/// What one part gets of the triangles of the model at one ratio.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Counts {
+    /// Ours, by cost.
+    cost: u64,
+    /// meshoptimizer's, by its own error.
+    error: Option<u64>,
 }
 
 /// A simplified part: its triangles, and how far it is from the original in part units; `None` if nothing is left.
@@ -117,6 +134,9 @@ struct PartOutcome {
     area: f64,
     /// Of the box, in part units.
     diagonal: f64,
+    placed: Placed,
+    /// How far a dot in the middle of the box is from the part, which is what nothing counts as in a dealt model.
+    dot: Option<SurfaceError>,
     at: Vec<Measured>,
 }
 
@@ -137,27 +157,63 @@ pub fn compare(
         return Err(CompareError::NothingToCompare { least_triangles: options.least_triangles });
     }
     let triangles: u64 = sources.iter().map(|source| source.triangles).sum();
-    let ratios = options.ratios.len() as u64;
-    progress.triangles_total.store(triangles * ratios, Ordering::Relaxed);
+    let rounds = options.ratios.len() as u64 + u64::from(sources.len() > 1);
+    progress.triangles_total.store(triangles * rounds, Ordering::Relaxed);
+    let counts = if sources.len() > 1 { dealt(&sources, options, progress)? } else { Vec::new() };
     let total_area: f64 = sources.iter().map(|source| source.area).sum();
     let outcomes = in_parallel(
         &sources,
-        |source, parallel| {
+        |number, parallel| {
+            let source = &sources[number];
             // Not a number only if no part has an area; the cast makes it 0.
             let samples = (options.samples as f64 * (source.area / total_area)).ceil() as usize;
             let sampling = Sampling { samples: samples.max(LEAST_SAMPLES), seed: SEED, parallel };
-            compare_part(&container, source, sampling, options, progress)
+            let counts: Vec<Counts> = counts.iter().map(|parts| parts[number]).collect();
+            compare_part(&container, source, sampling, &counts, options, progress)
         },
         progress,
     )?;
     Ok(Comparison::pooled(&options.ratios, &outcomes))
 }
 
+/// For every ratio what each part gets of that share of the placed model's triangles.
+fn dealt(
+    sources: &[Source],
+    options: &CompareOptions,
+    progress: &CompareProgress,
+) -> Result<Vec<Vec<Counts>>, CompareError> {
+    let curves_of = |number: usize, _| {
+        let source: &Source = &sources[number];
+        let (welded, step, placed) = (source.weld()?, source.grid.step(), source.placed);
+        // Nothing of the part is farther from the middle of its box.
+        let reach = source.diagonal() / 2.0;
+        let costs = deal::costs(&welded).scaled(step.powi(4)).to_nothing(source.area * reach * reach);
+        let errors = || deal::errors(&welded).scaled(step).to_nothing(reach).scaled(placed.error_scale());
+        let (costs, errors) = (costs.scaled(placed.cost_scale()), options.meshoptimizer.then(errors));
+        progress.triangles_done.fetch_add(source.triangles, Ordering::Relaxed);
+        Ok((costs, errors))
+    };
+    let (costs, errors): (Vec<Curve>, Vec<Option<Curve>>) =
+        in_parallel(sources, curves_of, progress)?.into_iter().unzip();
+    let errors: Option<Vec<Curve>> = errors.into_iter().collect();
+    let copies: Vec<u64> = sources.iter().map(|source| source.placed.copies).collect();
+    let whole: u64 = sources.iter().map(|source| source.placed.copies * source.triangles).sum();
+    let at = |&ratio: &f64| {
+        let ours = deal(&costs, &copies, (whole as f64 * ratio) as u64);
+        // What ours come to within a step.
+        let total = ours.iter().zip(&copies).map(|(count, copies)| count * copies).sum();
+        let theirs = errors.as_ref().map(|curves| deal(curves, &copies, total));
+        let counts = |(part, &cost)| Counts { cost, error: theirs.as_ref().map(|theirs| theirs[part]) };
+        ours.iter().enumerate().map(counts).collect()
+    };
+    Ok(options.ratios.iter().map(at).collect())
+}
+
 /// Does something for every source, largest first; those too large to leave to one thread come one by one, and are
 /// told that they may use all of them.
 fn in_parallel<T: Send>(
     sources: &[Source],
-    work: impl Fn(&Source, bool) -> Result<T, CompareError> + Sync,
+    work: impl Fn(usize, bool) -> Result<T, CompareError> + Sync,
     progress: &CompareProgress,
 ) -> Result<Vec<T>, CompareError> {
     let mut largest_first: Vec<usize> = (0..sources.len()).collect();
@@ -167,7 +223,7 @@ fn in_parallel<T: Send>(
     let giants = largest_first.iter().filter(|&&number| sources[number].triangles > share).count();
     let run = |&number: &usize, parallel: bool| {
         progress.check()?;
-        Ok((number, work(&sources[number], parallel)?))
+        Ok((number, work(number, parallel)?))
     };
     let (alone, together) = largest_first.split_at(giants);
     let mut done: Vec<(usize, T)> =
@@ -179,84 +235,24 @@ fn in_parallel<T: Send>(
     Ok(done.into_iter().map(|(_, outcome)| outcome).collect())
 }
 
-fn compare_part(
-    container: &Container<'_>,
-    source: &Source,
-    sampling: Sampling,
-    options: &CompareOptions,
-    progress: &CompareProgress,
-) -> Result<PartOutcome, CompareError> {
-    let cells = source.cells.clone().map(|number| container.read_part(number));
-    let cells = cells.collect::<Result<Vec<OrderedPart>, ContainerError>>()?;
-    let welded = source.weld()?;
-    let original = surface_of(&welded, &welded_corners(&welded));
-    // Distances are measured in steps of the grid, where nothing overflows and nothing cancels.
-    let step = source.grid.step();
-    let stopped = || progress.stopped();
-    let measure = |level: Surface, triangles: u64| Level {
-        triangles,
-        error: surface_error(&original, &level, sampling, &stopped).map(|error| error.scaled(step)),
-    };
-    let mut at = Vec::with_capacity(options.ratios.len());
-    for &ratio in &options.ratios {
-        let counts = states::nearest(&cells, ratio);
-        let (positions, triangles) = reformed(&cells, &counts);
-        let ours = measure(Surface::new(&positions, &triangles), triangles.len() as u64);
-        progress.check()?;
-        let meshoptimizer = options.meshoptimizer.then(|| {
-            let simplified = simplified(&welded, triangles.len());
-            measure(surface_of(&welded, &simplified), simplified.len() as u64)
-        });
-        progress.check()?;
-        let stated = states::stated_error(&cells, &counts);
-        at.push(Measured { ours, meshoptimizer, stated });
-        progress.triangles_done.fetch_add(source.triangles, Ordering::Relaxed);
-    }
-    Ok(PartOutcome {
-        number: source.number,
-        name: source.name.to_owned(),
-        cells: cells.len() as u64,
-        triangles: source.triangles,
-        area: original.area() * step * step,
-        diagonal: source.diagonal(),
-        at,
-    })
-}
-
-/// A surface of a welded mesh's positions, in steps of the grid.
-fn surface_of(welded: &WeldedMesh, triangles: &[[u32; 3]]) -> Surface {
-    let positions: Vec<DVec3> = welded.positions.iter().map(|&grid| on_grid(grid)).collect();
-    Surface::new(&positions, triangles)
-}
-
-fn on_grid(grid: [u32; 3]) -> DVec3 {
-    DVec3::from_array(grid.map(f64::from))
-}
-
 /// Triangles by positions instead of wedges.
 fn welded_corners(welded: &WeldedMesh) -> Vec<[u32; 3]> {
     welded.triangles.iter().map(|&triangle| welded.corner_positions(triangle)).collect()
 }
 
-/// All cells at the given states as one mesh, in steps of their common grid.
-fn reformed(cells: &[OrderedPart], counts: &[u32]) -> (Vec<DVec3>, Vec<[u32; 3]>) {
-    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-    for (cell, &vn) in cells.iter().zip(counts) {
-        let base = positions.len() as u32;
-        positions.extend(cell.vertices[..vn as usize].iter().map(|vertex| on_grid(vertex.grid())));
-        triangles.extend(cell.reformed(vn).iter().map(|t| t.map(|vertex| base + u32::from(vertex))));
-    }
-    (positions, triangles)
+/// What meshoptimizer makes of a welded mesh: default options, no limit to the error, this many triangles.
+pub fn simplified(welded: &WeldedMesh, triangles: usize) -> Vec<[u32; 3]> {
+    simplify(welded, triangles).0
 }
 
-/// What meshoptimizer makes of a welded mesh: default options, no limit to the error, this many triangles.
+/// The same with the error that it returns, in grid steps.
 ///
 /// Grid coordinates are below 2^21, so that an `f32` holds them exactly.
-pub fn simplified(welded: &WeldedMesh, triangles: usize) -> Vec<[u32; 3]> {
+fn simplify(welded: &WeldedMesh, triangles: usize) -> (Vec<[u32; 3]>, f32) {
     let positions: Vec<[f32; 3]> = welded.positions.iter().map(|grid| grid.map(|c| c as f32)).collect();
     let corners = welded_corners(welded);
-    let options = meshopt::SimplifyOptions::None;
-    let indices =
-        meshopt::simplify_decoder(corners.as_flattened(), &positions, 3 * triangles, NO_LIMIT, options, None);
-    indices.as_chunks().0.to_vec()
+    let (options, mut error) = (meshopt::SimplifyOptions::ErrorAbsolute, 0.0);
+    let (corners, result) = (corners.as_flattened(), Some(&mut error));
+    let indices = meshopt::simplify_decoder(corners, &positions, 3 * triangles, NO_LIMIT, options, result);
+    (indices.as_chunks().0.to_vec(), error)
 }

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::{Level, PartOutcome};
+use crate::measure::SurfaceError;
 
 /// The error of a container's levels of detail.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
@@ -20,7 +21,7 @@ pub struct Comparison {
     pub part_rows: Vec<PartRow>,
 }
 
-/// All parts at one ratio, pooled by area; lengths in part units.
+/// All parts at one ratio, pooled by area; lengths in part units, but for those of the placed model.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct RatioRow {
     /// The share of the triangles that was asked for.
@@ -44,7 +45,48 @@ pub struct RatioRow {
     pub measured_over_stated: Option<f64>,
     /// Of all parts the greatest quotient of stated error and measured maximum; `None` if none can be formed.
     pub stated_over_measured: Option<f64>,
+    /// The placed model at this share of its triangles, by who simplified it and how its triangles were dealt; empty if
+    /// it has one part.
+    pub dealt: Vec<DealtRow>,
+    /// RMS distance of ours, dealt by cost, over the lesser of meshoptimizer's by share and by its own error.
+    pub dealt_rms_ratio: Option<f64>,
+    /// The same of the normal deviation.
+    pub dealt_normal_ratio: Option<f64>,
+    /// RMS distance of ours, dealt by cost, over meshoptimizer's at the same count of every part.
+    pub same_counts_rms_ratio: Option<f64>,
+    /// The same of the normal deviation.
+    pub same_counts_normal_ratio: Option<f64>,
 }
+
+/// How the triangles of a model are dealt over its parts.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Dealing {
+    /// Every part gets the same share of its own.
+    #[default]
+    Share,
+    /// What costs least in our collapse order goes first.
+    Cost,
+    /// What has the least error by meshoptimizer's own account goes first.
+    Error,
+}
+
+/// The placed model as one simplifier leaves it: parts count as often and as large as they are placed, and one of which
+/// nothing is left as a dot in the middle of its box. Lengths in the unit of the model.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct DealtRow {
+    /// Whether ours or meshoptimizer's.
+    pub simplifier: &'static str,
+    /// How its triangles are dealt.
+    pub dealt_by: Dealing,
+    /// Distances and angles.
+    #[serde(flatten)]
+    pub figures: Figures,
+}
+
+/// The names of both.
+const OURS: &str = "collapsar";
+const MESHOPTIMIZER: &str = "meshoptimizer";
 
 /// The pooled figures of one simplifier.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
@@ -82,6 +124,10 @@ pub struct PartRow {
     pub meshoptimizer: Option<Figures>,
     /// The error that the container states.
     pub stated: Option<f64>,
+    /// Ours where the model's triangles are dealt by cost.
+    pub dealt: Option<Figures>,
+    /// meshoptimizer's where they are dealt by its own error.
+    pub meshoptimizer_dealt: Option<Figures>,
 }
 
 impl Comparison {
@@ -126,6 +172,9 @@ impl RatioRow {
                 Some((part.at[nth].ours.error?.max().max(least), part.at[nth].stated?.max(least)))
             })
         };
+        let dealt = dealt_rows(nth, outcomes);
+        let [rms, normal]: [fn(&Figures) -> f64; 2] =
+            [|figures| figures.rms, |figures| figures.normal_degrees];
         let worst = |quotients: &mut dyn Iterator<Item = Option<f64>>| quotients.flatten().reduce(f64::max);
         Self {
             ratio,
@@ -138,8 +187,47 @@ impl RatioRow {
             stated_max: stated().try_fold(0.0, |most: f64, error| Some(most.max(error?))),
             measured_over_stated: worst(&mut pairs().map(|(measured, stated)| quotient(measured, stated))),
             stated_over_measured: worst(&mut pairs().map(|(measured, stated)| quotient(stated, measured))),
+            dealt_rms_ratio: dealt_quotient(&dealt, rms, |by| by != Dealing::Cost),
+            dealt_normal_ratio: dealt_quotient(&dealt, normal, |by| by != Dealing::Cost),
+            same_counts_rms_ratio: dealt_quotient(&dealt, rms, |by| by == Dealing::Cost),
+            same_counts_normal_ratio: dealt_quotient(&dealt, normal, |by| by == Dealing::Cost),
+            dealt,
         }
     }
+}
+
+/// A level of detail of a part.
+type Pick = fn(&super::Measured) -> Option<&Level>;
+
+/// The placed model at one ratio, by simplifier and dealing.
+fn dealt_rows(nth: usize, outcomes: &[PartOutcome]) -> Vec<DealtRow> {
+    let all: [(&'static str, Dealing, Pick); 5] = [
+        (OURS, Dealing::Cost, |measured| measured.dealt.first()),
+        (OURS, Dealing::Share, |measured| Some(&measured.ours)),
+        (MESHOPTIMIZER, Dealing::Share, |measured| measured.meshoptimizer.as_ref()),
+        (MESHOPTIMIZER, Dealing::Error, |measured| measured.dealt.get(1)),
+        (MESHOPTIMIZER, Dealing::Cost, |measured| measured.dealt.get(2)),
+    ];
+    if outcomes.iter().any(|part| part.at[nth].dealt.is_empty()) {
+        return Vec::new();
+    }
+    let row = |(simplifier, dealt_by, pick): (_, _, Pick)| {
+        let levels = outcomes.iter().map(|part| Some((part, *pick(&part.at[nth])?)));
+        let figures = Figures::placed(&levels.collect::<Option<Vec<_>>>()?);
+        Some(DealtRow { simplifier, dealt_by, figures })
+    };
+    all.into_iter().filter_map(row).collect()
+}
+
+/// A figure of ours, dealt by cost, over the least of meshoptimizer's by some dealings.
+fn dealt_quotient(
+    rows: &[DealtRow],
+    figure: fn(&Figures) -> f64,
+    theirs: fn(Dealing) -> bool,
+) -> Option<f64> {
+    let of = |name| rows.iter().filter(move |row| row.simplifier == name);
+    let others = of(MESHOPTIMIZER).filter(|row| theirs(row.dealt_by)).map(|row| figure(&row.figures));
+    quotient(figure(&of(OURS).next()?.figures), others.reduce(f64::min)?)
 }
 
 /// Lengths below this share of a part's diagonal are below the step of its grid, and count as one.
@@ -168,9 +256,29 @@ impl Figures {
     }
 }
 
+impl Figures {
+    /// Pools the levels of parts as they are placed.
+    fn placed(levels: &[(&PartOutcome, Level)]) -> Self {
+        let errors = || levels.iter().filter_map(|&(part, level)| Some((part, level.error.or(part.dot)?)));
+        // A scale has one power from the distance for each of the two that it has from the area.
+        let sum = |power: usize, of: fn(&SurfaceError) -> f64| -> f64 {
+            errors().map(|(part, error)| part.area * part.placed.powers[power] * of(&error)).sum()
+        };
+        let area = sum(0, |_| 1.0);
+        let by_area = |sum: f64| if area > 0.0 { sum / area } else { 0.0 };
+        Self {
+            triangles: levels.iter().map(|(part, level)| part.placed.copies * level.triangles).sum(),
+            rms: by_area(sum(2, |error| error.rms().powi(2))).sqrt(),
+            mean: by_area(sum(1, SurfaceError::mean)),
+            max: errors().map(|(part, error)| part.placed.largest * error.max()).fold(0.0, f64::max),
+            normal_degrees: by_area(sum(0, SurfaceError::normal_degrees)),
+        }
+    }
+}
+
 impl PartRow {
     /// The columns of the CSV.
-    pub const COLUMNS: [&'static str; 17] = [
+    pub const COLUMNS: [&'static str; 27] = [
         "part",
         "name",
         "cells",
@@ -188,6 +296,16 @@ impl PartRow {
         "meshoptimizer_max",
         "meshoptimizer_normal_degrees",
         "stated_max",
+        "dealt_triangles",
+        "dealt_rms",
+        "dealt_mean",
+        "dealt_max",
+        "dealt_normal_degrees",
+        "meshoptimizer_dealt_triangles",
+        "meshoptimizer_dealt_rms",
+        "meshoptimizer_dealt_mean",
+        "meshoptimizer_dealt_max",
+        "meshoptimizer_dealt_normal_degrees",
     ];
 
     fn of(outcome: &PartOutcome, ratio: f64, nth: usize) -> Self {
@@ -203,6 +321,8 @@ impl PartRow {
             ours: figures(measured.ours),
             meshoptimizer: measured.meshoptimizer.and_then(figures),
             stated: measured.stated,
+            dealt: measured.dealt.first().copied().and_then(figures),
+            meshoptimizer_dealt: measured.dealt.get(1).copied().and_then(figures),
         }
     }
 
@@ -216,8 +336,11 @@ impl PartRow {
             .replace('"', "\"\"");
         let stated = self.stated.map_or_else(String::new, |error| error.to_string());
         let (ours, meshoptimizer) = (csv_figures(self.ours), csv_figures(self.meshoptimizer));
+        let dealt = [self.dealt, self.meshoptimizer_dealt].map(csv_figures).join(",");
         let Self { part, cells, triangles, diagonal, ratio, .. } = self;
-        format!("{part},\"{name}\",{cells},{triangles},{diagonal},{ratio},{ours},{meshoptimizer},{stated}")
+        format!(
+            "{part},\"{name}\",{cells},{triangles},{diagonal},{ratio},{ours},{meshoptimizer},{stated},{dealt}"
+        )
     }
 }
 
@@ -233,6 +356,7 @@ fn csv_figures(figures: Option<Figures>) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::Measured;
+    use super::super::placed::Placed;
     use super::*;
     use crate::measure::{OneWay, SurfaceError};
 
@@ -248,7 +372,7 @@ mod tests {
     }
 
     fn part(area: f64, ours: Level, other: Option<Level>) -> PartOutcome {
-        let at = vec![Measured { ours, meshoptimizer: other, stated: Some(3.0) }];
+        let at = vec![Measured { ours, meshoptimizer: other, stated: Some(3.0), dealt: Vec::new() }];
         PartOutcome {
             name: "a \"b\", c".into(),
             area,
@@ -256,7 +380,7 @@ mod tests {
             at,
             triangles: 10,
             cells: 1,
-            number: 0,
+            ..PartOutcome::default()
         }
     }
 
@@ -289,10 +413,52 @@ mod tests {
     }
 
     #[test]
+    fn a_dealt_model_counts_parts_as_they_are_placed() {
+        let placed = |copies, scale: f64| {
+            let powers = [2, 3, 4].map(|power| copies as f64 * scale.powi(power));
+            Placed { copies, largest: scale, powers }
+        };
+        let mut twice = part(1.0, level(9, 9.0), Some(level(9, 9.0)));
+        twice.placed = placed(2, 1.0);
+        twice.at[0].dealt = vec![level(4, 3.0), level(5, 6.0), level(6, 5.0)];
+        // Of this meshoptimizer leaves nothing by its own error: it is a dot, 7 away at a scale of 2.
+        let mut large = part(1.0, level(9, 9.0), Some(level(9, 9.0)));
+        large.placed = placed(1, 2.0);
+        large.at[0].dealt = vec![level(7, 1.0), Level::default(), level(8, 1.0)];
+        large.dot = level(0, 7.0).error;
+        let row = &Comparison::pooled(&[0.5], &[twice, large]).rows[0];
+        let named: Vec<_> = row.dealt.iter().map(|row| (row.simplifier, row.dealt_by)).collect();
+        let [cost, share, error] = [Dealing::Cost, Dealing::Share, Dealing::Error];
+        let expected = [
+            (OURS, cost),
+            (OURS, share),
+            (MESHOPTIMIZER, share),
+            (MESHOPTIMIZER, error),
+            (MESHOPTIMIZER, cost),
+        ];
+        assert_eq!(named, expected);
+        let triangles: Vec<_> = row.dealt.iter().map(|row| row.figures.triangles).collect();
+        assert_eq!(triangles, [15, 27, 27, 10, 20]);
+        // Areas 2 and 4; squared distances 9 and 4, 36 and 196, 25 and 4.
+        let rms = |nth: usize| row.dealt[nth].figures.rms.powi(2);
+        for (nth, squared) in [(0, 34.0 / 6.0), (3, 856.0 / 6.0), (4, 66.0 / 6.0)] {
+            assert!((rms(nth) - squared).abs() < 1e-9, "{nth}: {} is not {squared}", rms(nth));
+        }
+        // Means 3 and 2, normals half of 3 and 1, greatest distances 6 and 4.
+        let Figures { mean, max, normal_degrees, .. } = row.dealt[0].figures;
+        assert_eq!((mean, max, normal_degrees), (14.0 / 6.0, 6.0, 5.0 / 6.0));
+        let is_root =
+            |ratio: Option<f64>, of: f64| ratio.is_some_and(|ratio| (ratio.powi(2) - of).abs() < 1e-9);
+        assert!(is_root(row.same_counts_rms_ratio, 34.0 / 66.0), "{row:?}");
+        // By share 9 at a scale of 1 twice, and at one of 2: more than by error.
+        assert!(is_root(row.dealt_rms_ratio, 34.0 / 856.0), "{row:?}");
+    }
+
+    #[test]
     fn lines_of_the_csv_have_a_field_for_every_column() {
         let outcomes = [part(1.0, level(4, 2.0), None)];
         let line = Comparison::pooled(&[0.5], &outcomes).part_rows[0].csv();
-        assert_eq!(line, "0,\"a \"\"b\"\", c\",1,10,1,0.5,4,2,2,4,1,,,,,,3");
+        assert_eq!(line, "0,\"a \"\"b\"\", c\",1,10,1,0.5,4,2,2,4,1,,,,,,3,,,,,,,,,,");
         // The name has one comma of its own.
         assert_eq!(line.matches(',').count(), PartRow::COLUMNS.len());
     }

@@ -6,6 +6,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::CompareError;
+use super::placed::{Placed, placements};
 use crate::bake::{Body, Outline, bodies, merged};
 use crate::container::Container;
 use crate::geometry::Grid;
@@ -28,6 +29,7 @@ pub(super) struct Source<'a> {
     pub triangles: u64,
     /// The area of the mesh in part units, squared.
     pub area: f64,
+    pub placed: Placed,
     /// The box of all its leaf cells on the grid.
     grid_low: [u32; 3],
     grid_high: [u32; 3],
@@ -46,8 +48,13 @@ pub(super) fn matched<'a>(
     if parts.len() != ranges.len() {
         return Err(mismatch(format!("it has {} parts, the container {}", parts.len(), ranges.len())));
     }
+    let placed = placements(container);
     let pairs = parts.into_iter().zip(ranges);
-    pairs.map(|((mesh, grid), cells)| Source::new(mesh, grid, cells, container)).collect()
+    let source = |((mesh, grid), cells): ((_, _), Range<usize>)| {
+        // All cells of a part are placed together.
+        Source::new(mesh, grid, placed[cells.start], cells, container)
+    };
+    pairs.map(source).collect()
 }
 
 /// The parts that the bake makes of a body, and the grid of them all.
@@ -85,6 +92,7 @@ impl<'a> Source<'a> {
     fn new(
         mesh: Cow<'a, SourceMesh>,
         grid: Grid,
+        placed: Placed,
         cells: Range<usize>,
         container: &Container<'a>,
     ) -> Result<Self, CompareError> {
@@ -107,6 +115,7 @@ impl<'a> Source<'a> {
             grid,
             cells,
             area: area_of(&mesh),
+            placed,
             mesh,
             triangles: leaves().map(|row| u64::from(row.triangles)).sum(),
             grid_low: reach(u32::min, |row| row.grid_low),
@@ -129,6 +138,12 @@ impl<'a> Source<'a> {
             return Err(mismatch(format!("the box of part \"{}\" is another there", self.name)));
         }
         Ok(welded)
+    }
+
+    /// The middle of the box in steps of the grid.
+    pub fn grid_middle(&self) -> DVec3 {
+        let [low, high] = [self.grid_low, self.grid_high].map(|c| DVec3::from_array(c.map(f64::from)));
+        (low + high) / 2.0
     }
 
     /// The diagonal of the box in part units.

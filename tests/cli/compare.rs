@@ -55,6 +55,43 @@ fn the_table_names_both_and_without_meshoptimizer_one() {
     assert!(json["rows"][0]["meshoptimizer"].is_null() && json["rows"][0]["rms_ratio"].is_null());
 }
 
+/// Of a flat grid everything goes for nothing, so the sphere beside it keeps what equal shares would take from it.
+#[test]
+fn a_model_is_dealt_by_what_is_missed_least() {
+    let place = Workplace::new();
+    let mut flat = height_field(30);
+    flat.positions.iter_mut().for_each(|p| p[2] = 0.0);
+    place.write("model.obj", obj(&[sphere(24, 48), flat]));
+    place.bake("model.obj", "model.clps");
+    let json = place.run(&compare(&["--json", "--ratios", "0.5,0.3"])).succeeded().json();
+    for row in json["rows"].as_array().unwrap() {
+        let of = |simplifier: &str, by: &str| {
+            let mut rows = row["dealt"].as_array().unwrap().iter();
+            rows.find(|dealt| dealt["simplifier"] == simplifier && dealt["dealt_by"] == by).unwrap()
+        };
+        let rms = |simplifier: &str, by: &str| of(simplifier, by)["rms"].as_f64().unwrap();
+        assert!(rms("collapsar", "cost") < 0.6 * rms("collapsar", "share"), "{row}");
+        assert!(rms("meshoptimizer", "error") < 0.6 * rms("meshoptimizer", "share"), "{row}");
+        let wanted = row["ratio"].as_f64().unwrap() * json["triangles"].as_f64().unwrap();
+        for (simplifier, by) in [("collapsar", "cost"), ("meshoptimizer", "error"), ("meshoptimizer", "cost")]
+        {
+            let triangles = of(simplifier, by)["triangles"].as_f64().unwrap();
+            assert!((triangles / wanted - 1.0).abs() < 0.02, "{simplifier} by {by}: {row}");
+        }
+        let least = rms("meshoptimizer", "error").min(rms("meshoptimizer", "share"));
+        let ratio = row["dealt_rms_ratio"].as_f64().unwrap();
+        assert!((ratio - rms("collapsar", "cost") / least).abs() < 1e-12, "{row}");
+    }
+    let table = place.run(&compare(&[])).succeeded().out;
+    for word in ["dealt over the parts", "its error", "our cost", "over the same counts"] {
+        assert!(table.contains(word), "no {word} in {table}");
+    }
+    place.write("model.obj", obj(&[sphere(24, 48)]));
+    place.bake("model.obj", "model.clps");
+    let alone = place.run(&compare(&[])).succeeded().out;
+    assert!(!alone.contains("dealt"), "of one part nothing is dealt: {alone}");
+}
+
 #[test]
 fn csv_has_a_line_for_every_part_and_ratio() {
     let text = baked().run(&compare(&["--csv", "--ratios", "0.5,0.2"])).succeeded().out;

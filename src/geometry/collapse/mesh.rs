@@ -154,6 +154,12 @@ impl CornerMesh {
         [a, b, c]
     }
 
+    /// The wedges of a triangle's corners, those that it had last if it is dead.
+    pub fn wedges(&self, triangle: u32) -> [u32; 3] {
+        let [a, b, c, _] = self.triangles[triangle as usize].wedges;
+        [a, b, c]
+    }
+
     /// The witness of a triangle, [`NONE`] if it has none.
     pub fn witness(&mut self, triangle: u32) -> &mut u32 {
         &mut self.triangles[triangle as usize].positions[3]

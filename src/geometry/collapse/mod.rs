@@ -11,7 +11,7 @@
 //! 3. A position that the guards leave no collapse gets one by relaxing them ([`Phase`]), at a price in cost, so that
 //!    what is stuck does not stay while everything around it goes.
 //! 4. Small pieces that nothing can collapse any further vanish whole, at the price of their size; at the end all
-//!    that are left do, the smallest first. The largest stays.
+//!    that are left do, the smallest first. The largest stays; of a sheet of two triangles back to back, one.
 
 mod drift;
 mod evaluate;
@@ -380,6 +380,48 @@ impl<'a> Simplifier<'a> {
         for piece in pieces.iter().filter(|piece| !piece.locked) {
             self.vanish(&piece.positions);
         }
+        self.vanish_back();
+    }
+
+    /// Of two triangles back to back, when nothing else is left, one goes: it is the same sheet, drawn from both sides. Each
+    /// must have three wedges of its own.
+    fn vanish_back(&mut self) {
+        self.mesh.drop_dead(&mut self.left);
+        let &[front, back] = self.left.as_slice() else { return };
+        let faces = self.mesh.positions_of(front);
+        let apart = |&p: &u32| {
+            faces.contains(&p) && !self.setting.locked[p as usize] && self.mesh.live_wedges(p).count() == 2
+        };
+        if !self.mesh.positions_of(back).iter().all(apart) {
+            return;
+        }
+        let Some(&gone) = [back, front].iter().find(|&&gone| self.leaves_nothing_open(front ^ back ^ gone))
+        else {
+            return;
+        };
+        for wedge in self.mesh.kill(gone) {
+            self.remove_wedge(wedge, Target::Anywhere);
+        }
+        self.order.removed.push(gone);
+        self.close_group(Phase::Vanish);
+    }
+
+    /// Whether all triangles that have gone stay without an area when the wedges of this one are all that is left: one
+    /// may have had corners in both of the last two triangles, at one position.
+    fn leaves_nothing_open(&self, kept: u32) -> bool {
+        let kept = self.mesh.wedges(kept);
+        let first = kept.iter().copied().min().unwrap_or(0);
+        let mut ends = vec![first; self.wedge_position.len()];
+        kept.iter().for_each(|&wedge| ends[wedge as usize] = wedge);
+        for &(wedge, target) in self.order.moves.iter().rev() {
+            if let Target::Wedge(to) = target {
+                ends[wedge as usize] = ends[to as usize];
+            }
+        }
+        self.order.removed.iter().all(|&triangle| {
+            let [a, b, c] = self.mesh.wedges(triangle).map(|wedge| ends[wedge as usize]);
+            a == b || b == c || c == a
+        })
     }
 
     /// Removes all of a connected piece in one step.

@@ -111,7 +111,7 @@ fn place_of(path: &Path) -> Option<PathBuf> {
 
 /// That a slip of the keyboard does not replace a model, or a file that belongs to one, by something of ours, which
 /// starts with `magic`.
-fn check_output(what: &str, magic: &[u8], inputs: &[PathBuf], output: &Path) -> Result<(), Failure> {
+pub fn check_output(what: &str, magic: &[u8], inputs: &[PathBuf], output: &Path) -> Result<(), Failure> {
     let Ok(existing) = output.canonicalize() else { return Ok(()) };
     if let Some(input) = inputs.iter().find(|i| i.canonicalize().is_ok_and(|input| input == existing)) {
         let input = input.display();
@@ -138,10 +138,17 @@ pub fn bake_with_progress(
     output: &Path,
     options: &BakeOptions,
 ) -> Result<BakeReport, BakeError> {
+    watched(|progress| bake(inputs, output, options, progress))
+}
+
+/// Runs a bake with a progress bar on standard error and a way to stop.
+pub fn watched<T: Send>(
+    bake: impl FnOnce(&BakeProgress) -> Result<T, BakeError> + Send,
+) -> Result<T, BakeError> {
     let progress = BakeProgress::default();
     let flag = interrupt::flag();
     std::thread::scope(|scope| {
-        let work = scope.spawn(|| bake(inputs, output, options, &progress));
+        let work = scope.spawn(|| bake(&progress));
         let bar = ProgressBar::new(0);
         while !work.is_finished() {
             progress.cancelled.store(flag.load(Ordering::Relaxed), Ordering::Relaxed);
@@ -153,7 +160,7 @@ pub fn bake_with_progress(
     })
 }
 
-fn style(template: &str) -> ProgressStyle {
+pub fn style(template: &str) -> ProgressStyle {
     // The templates are constants that indicatif has parsed in every test of this verb.
     ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
 }

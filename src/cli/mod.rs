@@ -9,6 +9,7 @@ mod fly;
 mod info;
 mod interrupt;
 mod output;
+mod synth;
 mod values;
 mod verify;
 
@@ -49,6 +50,8 @@ enum Verb {
     Compare(compare::CompareArguments),
     /// Fly along a camera path without a window; write pictures and what each frame sent.
     Fly(fly::FlyArguments),
+    /// Make a CAD-like assembly of any size: an airliner, a ship or a plant.
+    Synth(synth::SynthArguments),
     /// Bake the bundled models and fly them with all strategies.
     Demo(demo::DemoArguments),
 }
@@ -62,6 +65,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         Verb::Export(arguments) => export::run(&arguments),
         Verb::Compare(arguments) => compare::run(&arguments),
         Verb::Fly(arguments) => fly::run(&arguments),
+        Verb::Synth(arguments) => synth::run(&arguments),
         Verb::Demo(arguments) => demo::run(&arguments),
     }
 }

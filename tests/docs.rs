@@ -11,6 +11,7 @@ use collapsar::bake::{BakeReport, PartReport, StalledPart};
 use collapsar::compare::{Comparison, Figures, PartRow, RatioRow};
 use collapsar::stats::report::Flight;
 use collapsar::stats::{FrameRecord, Summary};
+use collapsar::synth::SynthReport;
 use serde_json::Value;
 
 fn root() -> PathBuf {
@@ -86,6 +87,11 @@ fn every_column_and_key_of_a_comparison_is_documented() {
     let row = RatioRow { meshoptimizer: Some(Figures::default()), ..RatioRow::default() };
     let comparison = Comparison { rows: vec![row], ..Comparison::default() };
     assert_documented("compare --json", &serde_json::to_value(comparison).unwrap());
+}
+
+#[test]
+fn every_key_of_a_synth_report_is_documented() {
+    assert_documented("synth --json", &serde_json::to_value(SynthReport::default()).unwrap());
 }
 
 #[test]

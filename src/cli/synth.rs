@@ -14,6 +14,7 @@ use collapsar::stats::report::human;
 use collapsar::synth::glb::{Glb, GlbError};
 use collapsar::synth::{Layout, Outline, Plan, SynthOptions, SynthReport, obj};
 use indicatif::ProgressBar;
+use rayon::prelude::*;
 
 use super::bake::{check_output, style, watched};
 use super::{Failure, interrupt, output, values};
@@ -93,11 +94,12 @@ pub fn run(arguments: &SynthArguments) -> Result<(), Failure> {
         Format::Obj => check_output("OBJ file of `collapsar synth`", b"# collapsar synth", &[], path)?,
     }
     output::check_file(path)?;
-    in_pool(arguments.threads, || match format {
-        Format::Clps => write_container(&plan, path, arguments.threads),
-        Format::Glb => write_glb(&plan, path),
-        Format::Obj => write_obj(&plan, path),
-    })?;
+    set_threads(arguments.threads)?;
+    match format {
+        Format::Clps => write_container(&plan, path)?,
+        Format::Glb => write_glb(&plan, path)?,
+        Format::Obj => write_obj(&plan, path)?,
+    }
     let file_bytes = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
     let mut report = SynthReport::new(&plan, arguments.seed, started.elapsed().as_secs_f64());
     (report.file_bytes, report.peak_rss_bytes) = (file_bytes, peak_resident_bytes());
@@ -135,22 +137,19 @@ fn format(arguments: &SynthArguments) -> Result<Format, Failure> {
     })
 }
 
-/// Runs with so many threads.
-fn in_pool(threads: u16, work: impl FnOnce() -> Result<(), Failure> + Send) -> Result<(), Failure> {
+/// Sets how many threads work, whoever starts them.
+fn set_threads(threads: u16) -> Result<(), Failure> {
     let threads = usize::from(threads);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    pool.map_err(|source| BakeError::Threads { threads, source })?.install(work)
+    let built = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+    built.map_err(|source| BakeError::Threads { threads, source }.into())
 }
 
 /// Makes the model in memory and bakes it.
-fn write_container(plan: &Plan, path: &Path, threads: u16) -> Result<(), Failure> {
-    let options = BakeOptions { threads: threads.into(), ..BakeOptions::default() };
+fn write_container(plan: &Plan, path: &Path) -> Result<(), Failure> {
+    let options = BakeOptions { threads: rayon::current_num_threads(), ..BakeOptions::default() };
     let bake = |progress: &BakeProgress| -> Result<(), BakeError> {
         container::check_destination(path)?;
-        let Outline { instances, nodes, materials } = plan.outline();
-        let meshes = (0..plan.mesh_count()).map(|mesh| plan.mesh(mesh)).collect();
-        let model = Model { meshes, instances, nodes, materials, notes: Vec::new() };
-        let (contents, _) = ordered(model, &options, progress)?;
+        let (contents, _) = ordered(model(plan, progress)?, &options, progress)?;
         progress.writing.store(true, Ordering::Relaxed);
         match container::write(path, &contents, &progress.cancelled) {
             Err(ContainerError::Interrupted) => Err(BakeError::Interrupted),
@@ -160,13 +159,28 @@ fn write_container(plan: &Plan, path: &Path, threads: u16) -> Result<(), Failure
     Ok(watched(bake)?)
 }
 
+/// All of a model.
+fn model(plan: &Plan, progress: &BakeProgress) -> Result<Model, BakeError> {
+    let made = (0..plan.mesh_count()).into_par_iter().map(|mesh| {
+        if progress.cancelled.load(Ordering::Relaxed) {
+            Err(BakeError::Interrupted)
+        } else {
+            Ok(plan.mesh(mesh))
+        }
+    });
+    let Outline { instances, nodes, materials } = plan.outline();
+    Ok(Model { meshes: made.collect::<Result<_, _>>()?, instances, nodes, materials, notes: Vec::new() })
+}
+
 fn write_glb(plan: &Plan, path: &Path) -> Result<(), Failure> {
     let bar = bar("measuring", plan.triangle_count());
     let go_on = |triangles| {
         bar.inc(triangles);
         !interrupt::flag().load(Ordering::Relaxed)
     };
-    let glb = Glb::measure(plan, go_on).map_err(|error| match error {
+    let measured = Glb::measure(plan, go_on);
+    bar.finish_and_clear();
+    let glb = measured.map_err(|error| match error {
         GlbError::Interrupted => Failure::Interrupted("this file was not written"),
         other => Failure::Argument(format!("{other}: {}", path.display())),
     })?;

@@ -10,7 +10,7 @@ use glam::{DAffine3, DQuat, DVec3};
 use super::family::Site;
 use super::layout::{Kit, Stand};
 use super::random::Random;
-use super::surface::Surface;
+use super::surface::{Cut, Form, Surface};
 
 /// The cells of a kit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,7 +28,9 @@ impl Cells {
             Stand::Across { stations } => f64::from(stations),
             _ => (f64::from(count) * along / across / kit.elongation).sqrt().round(),
         };
-        Self { rows: (rows as u32).clamp(1, count.max(1)), count: count.max(1) }
+        // Whatever goes around a form takes at least four pieces for it.
+        let most = if bends(kit) { count / 4 } else { count };
+        Self { rows: (rows as u32).clamp(1, most.max(1)), count: count.max(1) }
     }
 
     /// The row of a cell, its column and how many columns the row has.
@@ -45,11 +47,13 @@ pub fn site(kit: &Kit, cells: Cells, number: u32, random: &mut Random) -> Site {
     let (row, column, columns) = cells.cell(number.min(cells.count - 1));
     let share = |k: u32, of: u32| [k, k + 1].map(|k| f64::from(k) / f64::from(of));
     let (u, v) = (share(row, cells.rows), share(column, columns));
-    let depth = random.between(kit.depth[0], kit.depth[1]);
+    let drawn_depth = random.between(kit.depth[0], kit.depth[1]);
     let middle = |[from, to]: [f64; 2]| (from + to) / 2.0;
     let [jitter_u, jitter_v] = [0, 1].map(|_| random.between(-0.42, 0.42));
     let jittered = |range: [f64; 2], jitter: f64| middle(range) + (range[1] - range[0]) * jitter;
+    let depth = drawn_depth.min(0.45 * kit.surface.room(middle(u), middle(v)));
     let site = |surface: Surface, u, v| Site { surface, u, v, depth, world_from_part: DAffine3::IDENTITY };
+    let v = if bends(kit) { clipped(v) } else { v };
     let mut site = match kit.stand {
         Stand::Piece => site(kit.surface, u, v),
         Stand::Across { .. } => {
@@ -58,7 +62,13 @@ pub fn site(kit: &Kit, cells: Cells, number: u32, random: &mut Random) -> Site {
         }
         Stand::Around => site(kit.surface, [middle(u); 2], v),
         Stand::Along => site(kit.surface, u, [middle(v); 2]),
-        Stand::Run => site(kit.surface, u, [jittered(v, jitter_v); 2]),
+        Stand::Run => {
+            let v = jittered(v, jitter_v);
+            let length = kit.surface.point(u[0], v).distance(kit.surface.point(u[1], v));
+            let half = (u[1] - u[0]) / 2.0 * (kit.longest / length).min(1.0);
+            let at = jittered(u, jitter_u * (1.0 - half * 2.0 / (u[1] - u[0])));
+            site(kit.surface, [at - half, at + half], [v; 2])
+        }
         Stand::Inside | Stand::Upon => {
             site(kit.surface, [jittered(u, jitter_u); 2], [jittered(v, jitter_v); 2])
         }
@@ -66,6 +76,19 @@ pub fn site(kit: &Kit, cells: Cells, number: u32, random: &mut Random) -> Site {
     };
     site.world_from_part = world_from_part(kit, &site, random);
     site
+}
+
+/// Whether parts of a kit bend around a form.
+fn bends(kit: &Kit) -> bool {
+    let is_round = kit.surface.cut == Cut::Skin && !matches!(kit.surface.form, Form::Plane { .. });
+    is_round && matches!(kit.stand, Stand::Piece | Stand::Around)
+}
+
+/// A quarter of the way around at most: beyond that, a part of few triangles would fold onto itself.
+fn clipped([from, to]: [f64; 2]) -> [f64; 2] {
+    const MOST: f64 = 0.25;
+    let half = ((to - from) / 2.0).min(MOST / 2.0);
+    [(from + to) / 2.0 - half, (from + to) / 2.0 + half]
 }
 
 fn world_from_part(kit: &Kit, site: &Site, random: &mut Random) -> DAffine3 {

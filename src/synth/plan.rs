@@ -171,6 +171,16 @@ impl Plan {
         self.tree.bays().iter().map(of_bay).sum()
     }
 
+    /// What the plan itself takes in memory, in bytes.
+    pub fn memory_bytes(&self) -> u64 {
+        let tables = [
+            std::mem::size_of_val(&self.targets[..]),
+            std::mem::size_of_val(&self.kits[..]),
+            std::mem::size_of_val(self.tree.bays()),
+        ];
+        tables.iter().sum::<usize>() as u64
+    }
+
     /// The family of a mesh.
     pub fn family(&self, mesh: u32) -> Family {
         self.kits[self.tree.bay_of_mesh(mesh).kit as usize].kit.family
@@ -270,10 +280,12 @@ fn dealt_extras(kits: &[(u32, Kit)], counts: &[u32], extra: u64) -> Vec<u32> {
 fn targets(options: &SynthOptions, kits: &[PlannedKit], tree: &Tree, parts: u64) -> Vec<u32> {
     let mut weights = Vec::with_capacity(parts as usize);
     for bay in tree.bays() {
-        let median = kits[bay.kit as usize].kit.median;
+        let Kit { median, stand, .. } = kits[bay.kit as usize].kit;
+        // What bends along a surface and is too plain for it would cut through others.
+        let least = if stand.follows_surface() { -1.2 } else { f64::NEG_INFINITY };
         weights.extend((0..bay.parts).map(|part| {
             let mut random = Random::new(options.seed, SIZES, (bay.first_mesh + part).into());
-            (median * (SPREAD * random.normal()).exp()) as f32
+            (median * (SPREAD * random.normal().max(least)).exp()) as f32
         }));
     }
     // Even numbers only, as closed shells have them.

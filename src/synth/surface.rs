@@ -158,6 +158,19 @@ impl Surface {
         if along.cross(across).dot(out) < 0.0 { -1.0 } else { 1.0 }
     }
 
+    /// How deep things may lie inside at a point: the way to the other side.
+    pub fn room(&self, u: f64, v: f64) -> f64 {
+        let [u, v] = [self.u[0] + (self.u[1] - self.u[0]) * u, self.v[0] + (self.v[1] - self.v[0]) * v];
+        match (self.cut, self.form) {
+            (Cut::Skin, Form::Wing { .. }) => self.form.point(u, v).distance(self.form.point(u, 1.0 - v)),
+            (Cut::Skin, Form::Fuselage { .. } | Form::Vessel { .. }) => 2.0 * self.form.radius(u),
+            (Cut::Skin, Form::Hull { .. }) => {
+                self.form.point(u, v).distance(self.form.point(u, 1.0 - v)).max(1.0)
+            }
+            _ => f64::INFINITY,
+        }
+    }
+
     /// Its lengths along `u` and `v` in the middle, in metres.
     pub fn extent(&self) -> [f64; 2] {
         const STEPS: u32 = 24;
@@ -233,10 +246,11 @@ impl Form {
 
     fn deck(&self, u: f64, v: f64, height: f64) -> DVec3 {
         let (middle, half) = match *self {
-            Self::Hull { beam, depth, .. } => {
+            Self::Hull { length, beam, depth } => {
                 let sine = (1.0 - height / depth).clamp(0.0, 1.0).powf(1.0 / hull_squareness(u));
                 let cosine = (1.0 - sine * sine).sqrt().powf(hull_squareness(u));
-                (self.middle(u), beam / 2.0 * hull_breadth(u) * cosine)
+                let rake = DVec3::X * hull_rake(u, length, height / depth);
+                (self.middle(u) + rake, beam / 2.0 * hull_breadth(u) * cosine)
             }
             _ => {
                 let middle = self.middle(u);

@@ -20,4 +20,5 @@ mod interrupted;
 mod models;
 mod pipes;
 mod reports;
+mod synth;
 mod workplace;

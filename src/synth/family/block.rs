@@ -65,6 +65,6 @@ fn connectors(shape: &mut Shape, count: u32, [length, width, height]: [f32; 3]) 
         let (row, column) = (number / columns, number % columns);
         let x = -0.4 * length + pitch[1] * (row as f32 + 0.5);
         let y = -0.4 * width + pitch[0] * (column as f32 + 0.5);
-        shape.turned(&Affine3A::from_translation(Vec3::new(x, y, height)), 8, &profile, Finish::Creased);
+        shape.turned(&Affine3A::from_translation(Vec3::new(x, y, height)), 8, &profile, Finish::Soft);
     }
 }

@@ -117,7 +117,7 @@ fn rivets(shape: &mut Shape, task: &Task) {
         let place = Affine3A::from_mat3_translation(axes, station.at([0.02 * size, 0.0]));
         let radius = 0.05 * size;
         let profile = [[radius, -0.4 * radius], [radius, 0.6 * radius + 0.07 * size]];
-        shape.turned(&place, 6, &profile, Finish::Smooth);
+        shape.turned(&place, 6, &profile, Finish::Soft);
     }
 }
 

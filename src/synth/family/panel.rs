@@ -30,16 +30,16 @@ pub fn stiff_plate(task: &Task) -> Shape {
     plate.add(&mut shape, cells, false);
     // Each is two boxes, a web and a flange.
     let left = task.target - shape.count();
-    let stiffeners = (left / 24).min(14);
+    let stiffeners = (left / 24).min(6);
     plate.stiffeners(&mut shape, stiffeners);
     let count = (task.target - shape.count()) / (2 * AROUND * BANDS + 2 * (AROUND - 2));
     plate.rivets(&mut shape, count, false);
     shape
 }
 
-/// A third for the faces, but all where it would make no rivet.
+/// A third for the faces, and more of few.
 fn share_of_faces(target: u32) -> u32 {
-    if target < 150 { target } else { target / 3 }
+    (target / 3).max(target.min(600))
 }
 
 /// A rectangle of a surface.
@@ -101,23 +101,18 @@ impl<'a> Plate<'a> {
         shape.grid([a, b], |i, j| outside[number(i, j)]);
         shape.grid([a, b], |i, j| (inside[number(i, j)].0, -inside[number(i, j)].1));
         let layers = [&outside, &inside];
-        let (along, across) =
-            (outside[number(a, 0)].0 - outside[0].0, outside[number(0, b)].0 - outside[0].0);
-        for (j, normal) in [(0, -across), (b, across)] {
+        for (j, next) in [(0, 1), (b, b - 1)] {
             shape.grid([a, 1], |i, k| {
-                (layers[k as usize][number(i, j)].0, self.edge_normal(&outside, number(i, j), normal))
+                let corner = number(i, j);
+                (layers[k as usize][corner].0, edge_normal(&outside, corner, number(i, next)))
             });
         }
-        for (i, normal) in [(0, -along), (a, along)] {
+        for (i, next) in [(0, 1), (a, a - 1)] {
             shape.grid([b, 1], |j, k| {
-                (layers[k as usize][number(i, j)].0, self.edge_normal(&outside, number(i, j), normal))
+                let corner = number(i, j);
+                (layers[k as usize][corner].0, edge_normal(&outside, corner, number(next, j)))
             });
         }
-    }
-
-    /// The part of a direction that lies in the surface.
-    fn edge_normal(&self, outside: &[(Vec3, Vec3)], at: usize, direction: Vec3) -> Vec3 {
-        direction - outside[at].1 * direction.dot(outside[at].1)
     }
 
     /// Rivets in rows along `u`, closer within a row than the rows are.
@@ -151,29 +146,35 @@ impl<'a> Plate<'a> {
     /// T-shaped stiffeners across the inside, along the shorter way.
     fn stiffeners(&self, shape: &mut Shape, count: u32) {
         let shorter = usize::from(self.lengths[0] > self.lengths[1]);
-        let length = (0.96 * self.lengths[shorter]) as f32;
         let height =
             (0.12 * self.lengths[1 - shorter] / f64::from(count.max(1))).min(20.0 * self.thickness) as f32;
         let sheet = 0.08 * height;
         for number in 0..count {
             let share = (f64::from(number) + 0.5) / f64::from(count);
-            let (point, out) =
-                self.at(if shorter == 0 { [0.5, share] } else { [share, 0.5] }, -self.thickness);
-            let way =
-                self.at(if shorter == 0 { [0.51, share] } else { [share, 0.51] }, -self.thickness).0 - point;
+            let on_way =
+                |t: f64| self.at(if shorter == 0 { [t, share] } else { [share, t] }, -self.thickness);
+            let [(start, _), (middle, out), (end, _)] = [0.04, 0.5, 0.96].map(on_way);
             let z = -out.as_vec3().normalize();
-            let x = (way.as_vec3() - z * way.as_vec3().dot(z)).normalize_or(z.any_orthonormal_vector());
-            let axes = Mat3::from_cols(x, z.cross(x), z);
-            let place = Affine3A::from_mat3_translation(axes, point.as_vec3());
-            let half = length / 2.0;
-            shape.cuboid(&place, Vec3::new(-half, -sheet, -0.3 * sheet), Vec3::new(half, sheet, height));
-            shape.cuboid(
-                &place,
-                Vec3::new(-half, -4.0 * sheet, height),
-                Vec3::new(half, 4.0 * sheet, height + 2.0 * sheet),
-            );
+            let way = (end - start).as_vec3();
+            let x = (way - z * way.dot(z)).normalize_or(z.any_orthonormal_vector());
+            // Its foot follows the plate where that is flat; elsewhere it stands on the middle.
+            let foot = (start + end) / 2.0;
+            let foot = foot + out * (middle - foot).dot(out);
+            let place = Affine3A::from_mat3_translation(Mat3::from_cols(x, z.cross(x), z), foot.as_vec3());
+            let half = way.length() / 2.0;
+            let web = Vec3::new(half, sheet, height);
+            shape.cuboid(&place, Vec3::new(-half, -sheet, -0.3 * sheet), web);
+            let flange = Vec3::new(half, 4.0 * sheet, height + 2.0 * sheet);
+            shape.cuboid(&place, Vec3::new(-half, -4.0 * sheet, height), flange);
         }
     }
+}
+
+/// The way off the edge in the surface, at a corner whose neighbour is further in.
+fn edge_normal(outside: &[(Vec3, Vec3)], at: usize, further_in: usize) -> Vec3 {
+    let (point, out) = outside[at];
+    let way = point - outside[further_in].0;
+    way - out * way.dot(out)
 }
 
 /// A place at a point whose z goes a way.

@@ -44,6 +44,13 @@ pub enum Stand {
     Ordered,
 }
 
+impl Stand {
+    /// Whether parts have the form of the surface.
+    pub fn follows_surface(self) -> bool {
+        matches!(self, Self::Piece | Self::Across { .. } | Self::Around | Self::Along)
+    }
+}
+
 /// Parts of one family on one surface.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Kit {
@@ -61,6 +68,8 @@ pub struct Kit {
     pub elongation: f64,
     /// How far inside the surface, in metres.
     pub depth: [f64; 2],
+    /// The longest that a run may be, in metres: it is straight, and its surface may not be.
+    pub longest: f64,
     /// Their turn about the way out, where all are alike, in radians.
     pub turn: f64,
     /// Their size, in metres.
@@ -118,6 +127,7 @@ impl Kit {
             stand: Stand::Inside,
             elongation: 1.0,
             depth: [0.0; 2],
+            longest: f64::INFINITY,
             turn: 0.0,
             size: [0.1; 2],
             share: 1.0,
@@ -139,6 +149,10 @@ impl Kit {
 
     fn size(self, low: f64, high: f64) -> Self {
         Self { size: [low, high], ..self }
+    }
+
+    fn longest(self, longest: f64) -> Self {
+        Self { longest, ..self }
     }
 
     fn turn(self, turn: f64) -> Self {
@@ -211,7 +225,7 @@ fn inside(surface: Surface, weight: f64, scale: f64, prefix: [&'static str; 8]) 
     vec![
         kit("Frames", 0, Family::Frame)
             .stand(Stand::Around, 0.2)
-            .depth(0.2 * scale, 0.2 * scale)
+            .depth(0.3 * scale, 0.3 * scale)
             .size(scale, scale)
             .share(0.045 * weight)
             .least(12)
@@ -219,7 +233,7 @@ fn inside(surface: Surface, weight: f64, scale: f64, prefix: [&'static str; 8]) 
             .material(PRIMER),
         kit("Stringers", 1, Family::Frame)
             .stand(Stand::Along, 12.0)
-            .depth(0.02 * scale, 0.02 * scale)
+            .depth(0.25 * scale, 0.25 * scale)
             .size(0.3 * scale, 0.35 * scale)
             .share(0.06 * weight)
             .least(8)
@@ -227,6 +241,7 @@ fn inside(surface: Surface, weight: f64, scale: f64, prefix: [&'static str; 8]) 
             .material(PRIMER),
         kit("Piping", 2, Family::Pipe)
             .stand(Stand::Run, 10.0)
+            .longest(30.0 * scale)
             .depth(1.5 * scale, 4.5 * scale)
             .size(0.08 * scale, 0.5 * scale)
             .share(0.12 * weight)
@@ -235,6 +250,7 @@ fn inside(surface: Surface, weight: f64, scale: f64, prefix: [&'static str; 8]) 
             .material(STEEL),
         kit("Electrical", 3, Family::Harness)
             .stand(Stand::Run, 10.0)
+            .longest(30.0 * scale)
             .depth(1.3 * scale, 4.0 * scale)
             .size(0.15 * scale, 0.4 * scale)
             .share(0.07 * weight)
@@ -256,7 +272,8 @@ fn inside(surface: Surface, weight: f64, scale: f64, prefix: [&'static str; 8]) 
             .repeats(1.5)
             .material(PRIMER),
         kit("Fasteners", 6, Family::Fastener)
-            .depth(0.0, 0.5 * scale)
+            .stand(Stand::Upon, 1.0)
+            .depth(0.08 * scale, 0.6 * scale)
             .size(0.06 * scale, 0.2 * scale)
             .share(0.28 * weight)
             .median(95.0)

@@ -60,7 +60,7 @@ fn vessel(surface: Surface, weight: f64, code: &'static str) -> [Kit; 3] {
             .median(500.0)
             .repeats(1.0)
             .material(STEEL),
-        Kit::new("Risers", "RIS", Family::Pipe, surface)
+        Kit::new("Risers", "RIS", Family::Pipe, surface.within([0.15, 0.9], [0.0, 1.0]))
             .stand(Stand::Run, 8.0)
             .depth(-1.1, -0.3)
             .size(0.06, 0.25)
@@ -90,10 +90,10 @@ fn platform(corner: DVec3, [length, width]: [f64; 2], weight: f64, level: u32) -
             .material(PRIMER),
         Kit::new("Gratings", code(["GRA", "GRB", "GRC", "GRD", "GRE"]), Family::Grating, floor)
             .stand(Stand::Ordered, 1.0)
-            .size(1.3, 1.6)
+            .size(2.2, 2.5)
             .share(0.05 * weight)
-            .least(12)
-            .most(320)
+            .least(24)
+            .most(120)
             .median(500.0)
             .repeats(1.5)
             .material(GREY),

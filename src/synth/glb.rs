@@ -7,6 +7,8 @@
 use std::io::{self, Write};
 use std::ops::ControlFlow;
 
+use glam::Vec3;
+
 use super::{Outline, Plan, stream};
 use crate::import::{Material, SourceMesh};
 
@@ -47,18 +49,10 @@ struct Measured {
 
 impl Measured {
     fn of(mesh: &SourceMesh) -> Self {
-        let mut measured = Self {
-            vertices: mesh.positions.len() as u32,
-            low: [f32::INFINITY; 3],
-            high: [f32::NEG_INFINITY; 3],
-        };
-        for position in &mesh.positions {
-            for axis in 0..3 {
-                measured.low[axis] = measured.low[axis].min(position[axis]);
-                measured.high[axis] = measured.high[axis].max(position[axis]);
-            }
-        }
-        measured
+        let positions = mesh.positions.iter().map(|&position| Vec3::from(position));
+        let around = |[low, high]: [Vec3; 2], point: Vec3| [low.min(point), high.max(point)];
+        let [low, high] = positions.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], around);
+        Self { vertices: mesh.positions.len() as u32, low: low.to_array(), high: high.to_array() }
     }
 
     /// Whether 16 bits hold its indices; the greatest is not an index in glTF.

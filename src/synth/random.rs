@@ -29,7 +29,7 @@ impl Random {
 
     /// From 0 to below `count`, which is above 0.
     pub fn below(&mut self, count: u32) -> u32 {
-        ((self.bits() >> 32) * u64::from(count) >> 32) as u32
+        (((self.bits() >> 32) * u64::from(count)) >> 32) as u32
     }
 
     /// True in this share of cases.

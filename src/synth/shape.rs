@@ -45,9 +45,26 @@ impl Shape {
         self.positions.len() as u32 - 1
     }
 
-    /// A patch of `nu` x `nv` quads: `2 nu nv` triangles. `at` gives position and normal of a corner.
-    pub fn grid(&mut self, [nu, nv]: [u32; 2], mut at: impl FnMut(u32, u32) -> (Vec3, Vec3)) {
-        let (base, first) = (self.positions.len() as u32, self.triangles.len());
+    /// A patch of `nu` x `nv` quads: `2 nu nv` triangles. `at` gives position and normal of a corner, and the normals say
+    /// which way the patch faces.
+    pub fn grid(&mut self, size: [u32; 2], at: impl FnMut(u32, u32) -> (Vec3, Vec3)) {
+        let first = self.triangles.len();
+        self.patch(size, at);
+        self.face_outwards(first);
+    }
+
+    /// The same where the normals may be too far apart to tell: it faces along the cross product of its two ways, or the
+    /// other way.
+    pub fn wound_grid(&mut self, size: [u32; 2], turned: bool, at: impl FnMut(u32, u32) -> (Vec3, Vec3)) {
+        let first = self.triangles.len();
+        self.patch(size, at);
+        if turned {
+            self.triangles[first..].iter_mut().for_each(|triangle| triangle.reverse());
+        }
+    }
+
+    fn patch(&mut self, [nu, nv]: [u32; 2], mut at: impl FnMut(u32, u32) -> (Vec3, Vec3)) {
+        let base = self.positions.len() as u32;
         for (j, i) in (0..=nv).flat_map(|j| (0..=nu).map(move |i| (j, i))) {
             let corner = at(i, j);
             self.vertex(corner);
@@ -56,19 +73,16 @@ impl Shape {
             let a = base + j * (nu + 1) + i;
             self.quad([a, a + 1, a + nu + 2, a + nu + 1]);
         }
-        self.face_outwards(first);
     }
 
-    /// A grid that lies free: its first edge is on the boundary, where one triangle more can be had.
-    pub fn free_grid(&mut self, size: [u32; 2], at: impl FnMut(u32, u32) -> (Vec3, Vec3)) {
-        let first = self.triangles.len();
-        self.grid(size, at);
-        self.quads.retain(|&quad| quad as usize != first);
+    /// Says that the grid whose first triangle has this number lies free: its first edge is on the boundary, where one
+    /// triangle more can be had.
+    pub fn free_first_edge(&mut self, first: u32) {
+        self.quads.retain(|&quad| quad != first);
         // Turned round, the triangle has its first edge second.
-        let [a, b, c] = self.triangles[first];
-        let on_boundary = if a + 1 == b { [a, b, c] } else { [b, c, a] };
-        self.triangles[first] = on_boundary;
-        self.free_edge = Some(first as u32);
+        let [a, b, c] = self.triangles[first as usize];
+        self.triangles[first as usize] = if a + 1 == b { [a, b, c] } else { [b, c, a] };
+        self.free_edge = Some(first);
     }
 
     fn quad(&mut self, [a, b, c, d]: [u32; 4]) {
@@ -136,20 +150,20 @@ impl Shape {
             let normal = place.transform_vector3(direction);
             match finish {
                 Finish::Soft => {
-                    let own = profile_normal(points, end);
+                    let own = profile_normal(points, end, finish);
                     self.soft_cap(&ring, |i| place.transform_vector3(around(own, i as u32, n)));
                 }
-                Finish::Smooth | Finish::Creased => self.cap(&ring, normal),
+                Finish::Smooth | Finish::Creased | Finish::Dome => self.cap(&ring, normal),
             }
         }
     }
 
     /// The same without its lower cap: `n - 2` triangles less, and open.
     pub fn dome(&mut self, place: &Affine3A, n: u32, points: &[[f32; 2]]) {
-        self.turned_side(place, n, points, Finish::Soft);
+        self.turned_side(place, n, points, Finish::Dome);
         let last = points.len() - 1;
         let ring: Vec<Vec3> = (0..n).map(|i| on_ring(place, points[last], i, n)).collect();
-        let own = profile_normal(points, last);
+        let own = profile_normal(points, last, Finish::Dome);
         self.soft_cap(&ring, |i| place.transform_vector3(around(own, i as u32, n)));
     }
 
@@ -161,7 +175,7 @@ impl Shape {
             }
             return;
         }
-        let normals: Vec<[f32; 2]> = (0..points.len()).map(|k| profile_normal(points, k)).collect();
+        let normals: Vec<[f32; 2]> = (0..points.len()).map(|k| profile_normal(points, k, finish)).collect();
         self.grid([n, points.len() as u32 - 1], |i, j| {
             let k = j as usize;
             let normal = place.transform_vector3(around(normals[k], i % n, n));
@@ -305,6 +319,8 @@ pub enum Finish {
     Smooth,
     /// The caps belong to the smooth side.
     Soft,
+    /// The upper cap belongs to the smooth side.
+    Dome,
 }
 
 /// The greatest level from 0 to `most` whose count is at most the target; the count must not fall with the level.
@@ -328,15 +344,22 @@ fn around([radial, axial]: [f32; 2], i: u32, n: u32) -> Vec3 {
     Vec3::new(radial * cos, radial * sin, axial)
 }
 
-/// The (radial, axial) normal at a point of a profile: the mean of the bands that meet there.
-fn profile_normal(points: &[[f32; 2]], k: usize) -> [f32; 2] {
+/// The (radial, axial) normal at a point of a profile: the mean of the bands that meet there, and of a cap that belongs to
+/// them.
+fn profile_normal(points: &[[f32; 2]], k: usize, finish: Finish) -> [f32; 2] {
     let band = |a: [f32; 2], b: [f32; 2]| {
         let (dr, dz) = (b[0] - a[0], b[1] - a[1]);
         let length = dr.hypot(dz).max(1e-20);
         [dz / length, -dr / length]
     };
-    let below = k.checked_sub(1).map(|before| band(points[before], points[k]));
-    let above = points.get(k + 1).map(|&after| band(points[k], after));
+    let below = match k.checked_sub(1) {
+        Some(before) => Some(band(points[before], points[k])),
+        None => (finish == Finish::Soft).then_some([0.0, -1.0]),
+    };
+    let above = match points.get(k + 1) {
+        Some(&after) => Some(band(points[k], after)),
+        None => matches!(finish, Finish::Soft | Finish::Dome).then_some([0.0, 1.0]),
+    };
     match (below, above) {
         (Some(b), Some(a)) => [a[0] + b[0], a[1] + b[1]],
         (Some(one), None) | (None, Some(one)) => one,

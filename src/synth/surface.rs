@@ -277,6 +277,8 @@ fn head_station(u: f64) -> f64 {
 /// A symmetrical airfoil of four digits, (back, up), thickness 1: from the trailing edge over the top to the front and
 /// back below. The trailing edge stays open by a little, so that top and bottom are two points there.
 fn airfoil(v: f64) -> [f64; 2] {
+    // Beyond the trailing edge it would turn back on itself, so that there would be no direction at it.
+    let v = v.clamp(0.0, 1.0);
     let side = if v < 0.5 { 1.0 } else { -1.0 };
     let x = (0.5 + 0.5 * (TAU * v).cos()).clamp(0.0, 1.0);
     let half =

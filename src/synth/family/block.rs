@@ -16,8 +16,8 @@ pub fn equipment(task: &mut Task) -> Shape {
     let width = task.size as f32;
     let [length, height] = [0.9, 0.5].map(|share| width * share * task.random.between(0.6, 1.3) as f32);
     let steps = match task.target {
-        ..60 => 0,
-        ..400 => 2,
+        0..60 => 0,
+        60..400 => 2,
         _ => 4,
     };
     let outline = rounded([length, width], 0.12 * width.min(length), steps);

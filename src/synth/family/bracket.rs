@@ -166,11 +166,12 @@ pub fn clip(task: &mut Task) -> Shape {
     let width = task.size as f32;
     let flange = width * task.random.between(0.4, 1.0) as f32;
     let profile = bent_profile(width, flange, if task.random.chance(0.5) { 1.0 } else { -1.0 }, steps);
-    shape.free_grid([strips, profile.len() as u32 - 1], |i, j| {
+    shape.grid([strips, profile.len() as u32 - 1], |i, j| {
         let ([x, z], [nx, nz]) = profile[j as usize];
         let y = width * (i as f32 / strips as f32 - 0.5);
         (Vec3::new(x, y, z), Vec3::new(nx, 0.0, nz))
     });
+    shape.free_first_edge(0);
     shape
 }
 

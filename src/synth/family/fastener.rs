@@ -22,9 +22,9 @@ pub fn bolt(shape: &mut Shape, place: &Affine3A, target: u32, radius: f32, lengt
         return shape.turned(place, 6, &pin, Finish::Creased);
     }
     let n = match target {
-        ..70 => 6,
-        ..500 => 12,
-        ..4000 => 24,
+        0..70 => 6,
+        70..500 => 12,
+        500..4000 => 24,
         _ => 48,
     };
     let bands = (target - 20) / (2 * n) - 1;

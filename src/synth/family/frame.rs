@@ -60,8 +60,8 @@ pub fn column(task: &mut Task) -> Shape {
 /// A section that the triangles suffice for.
 fn chosen(task: &mut Task) -> Profile {
     let most = match task.target {
-        ..28 => 1,
-        ..44 => 4,
+        0..28 => 1,
+        28..44 => 4,
         _ => 5,
     };
     PROFILES[task.random.below(most) as usize]

@@ -118,7 +118,7 @@ impl Family {
     pub fn is_open(self, target: u32) -> bool {
         match self {
             Self::Clip => true,
-            Self::Skin => target % 4 != 0,
+            Self::Skin => !target.is_multiple_of(4),
             _ => false,
         }
     }

@@ -94,23 +94,33 @@ impl<'a> Plate<'a> {
         };
         let number = |i: u32, j: u32| (j * (a + 1) + i) as usize;
         let outside = layer(0.0);
+        let first = shape.count();
+        shape.wound_grid([a, b], self.sense < 0.0, |i, j| outside[number(i, j)]);
         if open {
-            return shape.free_grid([a, b], |i, j| outside[number(i, j)]);
+            return shape.free_first_edge(first);
         }
         let inside = layer(-self.thickness);
-        shape.grid([a, b], |i, j| outside[number(i, j)]);
-        shape.grid([a, b], |i, j| (inside[number(i, j)].0, -inside[number(i, j)].1));
+        shape.wound_grid([a, b], self.sense > 0.0, |i, j| (inside[number(i, j)].0, -inside[number(i, j)].1));
         let layers = [&outside, &inside];
-        for (j, next) in [(0, 1), (b, b - 1)] {
-            shape.grid([a, 1], |i, k| {
+        // At an edge the way off the surface is across the edge and the way out.
+        let off = |corner: usize, before: usize, after: usize, sign: f32| {
+            let along = outside[after].0 - outside[before].0;
+            along.cross(outside[corner].1) * sign * self.sense as f32
+        };
+        // From the outside inwards, so that the two ways turn from it if the sign is that of the surface.
+        let turned = |sign: f32| sign * self.sense as f32 > 0.0;
+        for (j, sign) in [(0, 1.0), (b, -1.0)] {
+            shape.wound_grid([a, 1], turned(sign), |i, k| {
+                let neighbours = [i.saturating_sub(1), (i + 1).min(a)].map(|i| number(i, j));
                 let corner = number(i, j);
-                (layers[k as usize][corner].0, edge_normal(&outside, corner, number(i, next)))
+                (layers[k as usize][corner].0, off(corner, neighbours[0], neighbours[1], sign))
             });
         }
-        for (i, next) in [(0, 1), (a, a - 1)] {
-            shape.grid([b, 1], |j, k| {
+        for (i, sign) in [(0, -1.0), (a, 1.0)] {
+            shape.wound_grid([b, 1], turned(sign), |j, k| {
+                let neighbours = [j.saturating_sub(1), (j + 1).min(b)].map(|j| number(i, j));
                 let corner = number(i, j);
-                (layers[k as usize][corner].0, edge_normal(&outside, corner, number(next, j)))
+                (layers[k as usize][corner].0, off(corner, neighbours[0], neighbours[1], sign))
             });
         }
     }
@@ -168,13 +178,6 @@ impl<'a> Plate<'a> {
             shape.cuboid(&place, Vec3::new(-half, -4.0 * sheet, height), flange);
         }
     }
-}
-
-/// The way off the edge in the surface, at a corner whose neighbour is further in.
-fn edge_normal(outside: &[(Vec3, Vec3)], at: usize, further_in: usize) -> Vec3 {
-    let (point, out) = outside[at];
-    let way = point - outside[further_in].0;
-    way - out * way.dot(out)
 }
 
 /// A place at a point whose z goes a way.

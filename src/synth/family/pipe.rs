@@ -24,10 +24,10 @@ pub fn pipe(task: &mut Task) -> Shape {
     let hollow = task.target >= 400;
     let walls = if hollow { 2 } else { 1 };
     let n = match task.target / walls {
-        ..60 => 6,
-        ..200 => 8,
-        ..900 => 12,
-        ..6000 => 20,
+        0..60 => 6,
+        60..200 => 8,
+        200..900 => 12,
+        900..6000 => 20,
         _ => 32,
     };
     // Solid 2 n (bands + 1) - 4, hollow 4 n (bands + 1).
@@ -42,23 +42,28 @@ pub fn pipe(task: &mut Task) -> Shape {
 /// Rings of straight runs and bends, `bands + 1` of them.
 fn path(task: &mut Task, bands: u32, radius: f32) -> Vec<Ring> {
     // Two bends make a jog to the side and on.
-    let bends = if bands < 5 { 0 } else { (2 * (bands / 14 + 1)).min(10) };
-    let steps = if bends == 0 { 0 } else { ((bands - bends - 1) / bends).clamp(1, 12) };
+    let room = (run_length(task) / (10.0 * radius)) as u32;
+    let bends = if bands < 5 { 0 } else { 2 * (bands / 14 + 1).min(5).min(room.saturating_sub(1)) };
+    let steps = (bands - bends).saturating_sub(1).checked_div(bends).map_or(0, |steps| steps.clamp(1, 24));
     let corners = corners(task, bends, radius);
     let mut points = vec![(corners[0], true)];
     for at in 1..corners.len() - 1 {
         bend(&mut points, [corners[at - 1], corners[at], corners[at + 1]], 2.5 * radius, steps);
     }
     points.push((corners[corners.len() - 1], true));
-    // What bands are left divides the longest runs.
+    // What bands are left divides the straight runs: one before each bend, and the last.
     let mut left = bands + 1 - points.len() as u32;
     let runs = points.len() - 1;
     let mut cut = Vec::with_capacity(bands as usize + 1);
     for (number, pair) in points.windows(2).enumerate() {
-        let extra = left / (runs - number) as u32;
-        left -= extra;
         cut.push(pair[0]);
-        cut.extend((1..=extra).map(|k| (pair[0].0.lerp(pair[1].0, k as f32 / (extra + 1) as f32), false)));
+        if (number as u32).is_multiple_of(steps + 1) {
+            let bends_to_come = bends - number as u32 / (steps + 1);
+            let extra = left / (bends_to_come + 1);
+            left -= extra;
+            let share = |k: u32| k as f32 / (extra + 1) as f32;
+            cut.extend((1..=extra).map(|k| (pair[0].0.lerp(pair[1].0, share(k)), false)));
+        }
     }
     cut.push(points[runs]);
     rings(&cut)

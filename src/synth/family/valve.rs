@@ -13,9 +13,9 @@ pub fn valve(task: &mut Task) -> Shape {
     let mut shape = empty(task);
     let radius = 0.5 * task.size as f32;
     let n = match task.target {
-        ..100 => 6,
-        ..500 => 12,
-        ..3000 => 20,
+        0..100 => 6,
+        100..500 => 12,
+        500..3000 => 20,
         _ => 36,
     };
     // Two thirds for the body, 2 n (bands + 1) - 4.

@@ -64,9 +64,9 @@ fn vessel(surface: Surface, weight: f64, code: &'static str) -> [Kit; 3] {
             .stand(Stand::Run, 8.0)
             .depth(-1.1, -0.3)
             .size(0.06, 0.25)
-            .share(0.08 * weight)
+            .share(0.14 * weight)
             .least(4)
-            .median(600.0)
+            .median(700.0)
             .material(COPPER),
     ]
 }
@@ -92,9 +92,9 @@ fn platform(corner: DVec3, [length, width]: [f64; 2], weight: f64, level: u32) -
             .stand(Stand::Ordered, 1.0)
             .size(2.2, 2.5)
             .share(0.05 * weight)
-            .least(24)
+            .least(8)
             .most(120)
-            .median(500.0)
+            .median(220.0)
             .repeats(1.5)
             .material(GREY),
         Kit::new("Ladders", "LAD", Family::Ladder, floor)
@@ -165,9 +165,9 @@ fn rack() -> Section {
             .stand(Stand::Run, 14.0)
             .depth(-0.3, -0.15)
             .size(0.08, 0.34)
-            .share(0.03)
+            .share(0.06)
             .least(30)
-            .median(600.0)
+            .median(800.0)
             .material(COPPER)
     };
     let mut kits = vec![

@@ -92,7 +92,7 @@ fn every_mesh_is_valid_and_has_its_triangles() {
     }
     for family in FAMILIES {
         assert!(
-            seen.get(&family).is_some_and(|&count| count >= 40),
+            seen.get(&family).is_some_and(|&count| count >= 20),
             "{family:?} was made too seldom: {seen:?}"
         );
     }

@@ -84,6 +84,8 @@ enum Format {
 /// Runs `synth`.
 pub fn run(arguments: &SynthArguments) -> Result<(), Failure> {
     let started = Instant::now();
+    // From before the plan is made, which takes a second for millions of parts.
+    interrupt::flag();
     let path = arguments.output.as_path();
     let format = format(arguments)?;
     let plan = Plan::new(&options(arguments))

@@ -87,9 +87,10 @@ fn sizes_that_no_model_has_are_refused() {
     fails(&["--instances", "1G"], &["at most 16777216 instances, not 1000000000"]);
     fails(&["--triangles", "1000000G"], &["ask for at most 33554432000000"]);
     for size in ["1e99", "-1", "NaN", "inf", "many", "99999999999999999999999"] {
-        place.refuses(&["synth", "-o", "model.clps", "--triangles", size], &["--triangles"]);
+        let size = format!("--triangles={size}");
+        place.refuses(&["synth", "-o", "model.clps", &size], &["--triangles"]);
     }
-    place.refuses(&["synth", "-o", "model.clps", "--seed", "-1"], &["--seed"]);
+    place.refuses(&["synth", "-o", "model.clps", "--seed=-1"], &["--seed"]);
     place.refuses(&["synth", "-o", "model.clps", "--layout", "train"], &["airplane", "ship", "plant"]);
 }
 

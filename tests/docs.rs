@@ -11,6 +11,7 @@ use collapsar::bake::{BakeReport, PartReport, StalledPart};
 use collapsar::compare::{Comparison, DealtRow, Figures, PartRow, RatioRow};
 use collapsar::stats::report::Flight;
 use collapsar::stats::{FrameRecord, Summary};
+use collapsar::synth::SynthReport;
 use serde_json::Value;
 
 fn root() -> PathBuf {
@@ -87,6 +88,11 @@ fn every_column_and_key_of_a_comparison_is_documented() {
     let row = RatioRow { meshoptimizer: Some(Figures::default()), dealt, ..RatioRow::default() };
     let comparison = Comparison { rows: vec![row], ..Comparison::default() };
     assert_documented("compare --json", &serde_json::to_value(comparison).unwrap());
+}
+
+#[test]
+fn every_key_of_a_synth_report_is_documented() {
+    assert_documented("synth --json", &serde_json::to_value(SynthReport::default()).unwrap());
 }
 
 #[test]

@@ -122,7 +122,7 @@ fn place_of(path: &Path) -> Option<PathBuf> {
 
 /// That a slip of the keyboard does not replace a model, or a file that belongs to one, by something of ours, which
 /// starts with `magic`.
-fn check_output(what: &str, magic: &[u8], inputs: &[PathBuf], output: &Path) -> Result<(), Failure> {
+pub fn check_output(what: &str, magic: &[u8], inputs: &[PathBuf], output: &Path) -> Result<(), Failure> {
     let Ok(existing) = output.canonicalize() else { return Ok(()) };
     if let Some(input) = inputs.iter().find(|i| i.canonicalize().is_ok_and(|input| input == existing)) {
         let input = input.display();
@@ -149,8 +149,15 @@ pub fn bake_with_progress(
     output: &Path,
     options: &BakeOptions,
 ) -> Result<BakeReport, BakeError> {
+    watched_bake(|progress| bake(inputs, output, options, progress))
+}
+
+/// Runs a bake with a progress bar on standard error and a way to stop.
+pub fn watched_bake<T: Send>(
+    bake: impl FnOnce(&BakeProgress) -> Result<T, BakeError> + Send,
+) -> Result<T, BakeError> {
     let progress = BakeProgress::default();
-    let work = || bake(inputs, output, options, &progress);
+    let work = || bake(&progress);
     watched(&ProgressBar::new(0), &progress.cancelled, |bar| show(bar, &progress), work)
 }
 

@@ -11,6 +11,7 @@ mod interrupt;
 mod output;
 mod progress;
 mod report;
+mod synth;
 mod values;
 mod verify;
 
@@ -53,6 +54,8 @@ enum Verb {
     Fly(fly::FlyArguments),
     /// Make one page, with plots and pictures, of what flights have written.
     Report(report::ReportArguments),
+    /// Make a CAD-like assembly of any size: an airliner, a ship or a plant.
+    Synth(synth::SynthArguments),
     /// Bake the bundled models and fly them with all strategies.
     Demo(demo::DemoArguments),
 }
@@ -67,6 +70,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         Verb::Compare(arguments) => compare::run(&arguments),
         Verb::Fly(arguments) => fly::run(&arguments),
         Verb::Report(arguments) => report::run(&arguments),
+        Verb::Synth(arguments) => synth::run(&arguments),
         Verb::Demo(arguments) => demo::run(&arguments),
     }
 }

@@ -13,6 +13,12 @@ pub fn count(text: &str) -> Result<u32, String> {
     Ok(number as u32)
 }
 
+/// The same beyond 32 bits, and 0 as well: what asks for it says what is wrong with it.
+pub fn large_count(text: &str) -> Result<u64, String> {
+    let number = scaled(text, &[("k", 1e3), ("M", 1e6), ("G", 1e9)])?;
+    if number <= 1e15 { Ok(number as u64) } else { Err("must be at most 1000000 G".to_owned()) }
+}
+
 /// A number of bytes, with a unit or without: `64MiB`, `4096`.
 pub fn bytes(text: &str) -> Result<u64, String> {
     const UNITS: [(&str, f64); 7] = [
@@ -83,6 +89,8 @@ mod tests {
         assert_eq!(count("1.5M"), Ok(1_500_000));
         assert_eq!(count("20_000"), Ok(20_000));
         assert!(count("0").is_err() && count("-1").is_err() && count("1e99").is_err() && count("x").is_err());
+        assert_eq!(large_count("332M"), Ok(332_000_000));
+        assert!(large_count("1e99").is_err() && large_count("-5").is_err() && large_count("NaN").is_err());
         assert_eq!(bytes("64MiB"), Ok(64 << 20));
         assert_eq!(bytes("12"), Ok(12));
         assert!(bytes("0").is_err());

@@ -2,7 +2,7 @@
 
 use crate::workplace::Workplace;
 
-const VERBS: [&str; 7] = ["bake", "info", "verify", "export", "compare", "fly", "demo"];
+const VERBS: [&str; 8] = ["bake", "info", "verify", "export", "compare", "fly", "synth", "demo"];
 
 fn help(arguments: &[&str]) -> String {
     let outcome = Workplace::new().run(arguments).succeeded();
@@ -94,6 +94,26 @@ fn every_verb_has_its_arguments() {
                 "--out",
                 "--json",
                 "--samples",
+            ],
+        ),
+        (
+            "synth",
+            &[
+                "--triangles",
+                "--parts",
+                "--instances",
+                "--seed",
+                "--layout",
+                "airplane",
+                "ship",
+                "plant",
+                "--output",
+                "--as",
+                "clps",
+                "glb",
+                "obj",
+                "--threads",
+                "--json",
             ],
         ),
         ("demo", &["--datasets", "--out", "--frames", "--size"]),

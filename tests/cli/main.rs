@@ -22,4 +22,5 @@ mod pipes;
 mod report;
 mod reports;
 mod resume;
+mod synth;
 mod workplace;

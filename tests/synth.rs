@@ -258,7 +258,7 @@ fn models_have_real_sizes() {
     for (layout, low, high) in [
         (Layout::Airplane, [-0.5, -6.0, -31.5], [65.0, 14.0, 31.5]),
         (Layout::Ship, [-8.0, -1.0, -15.5], [192.0, 36.0, 15.5]),
-        (Layout::Plant, [-5.0, -2.5, -12.0], [140.0, 31.0, 62.0]),
+        (Layout::Plant, [-5.0, -2.5, -12.0], [140.0, 28.5, 62.0]),
     ] {
         let plan = Plan::new(&SynthOptions { layout, ..options(600_000, 2000) }).unwrap();
         let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
@@ -289,6 +289,17 @@ fn plans_of_many_parts_are_quick_and_small() {
         assert_eq!((plan.triangle_count(), u64::from(plan.mesh_count())), (triangles, parts));
         assert_eq!(u64::from(plan.instance_count()), parts * 13 / 10);
         assert!(plan.memory_bytes() < 8 * parts + 2_000_000, "{} bytes", plan.memory_bytes());
+        let (outline, count) = (plan.outline(), plan.instance_count() as usize);
+        let names: usize = outline.nodes.iter().map(|node| node.name.capacity()).sum();
+        let bytes =
+            std::mem::size_of_val(&outline.instances[..]) + std::mem::size_of_val(&outline.nodes[..]) + names;
+        assert!(
+            bytes < 180 * count && outline.nodes.len() < count * 11 / 10,
+            "{bytes} bytes for {count} placements"
+        );
+        assert!(
+            plan.instances().skip(count / 2).take(9).eq(outline.instances[count / 2..][..9].iter().cloned())
+        );
         for mesh in [0, parts as u32 / 2, parts as u32 - 1] {
             assert_valid(&plan, mesh, &plan.mesh(mesh));
         }

@@ -4,13 +4,13 @@
 //! placements are dealt to the kits that repeat; each part draws its weight from its kit's log-normal distribution; and
 //! one factor on all weights makes the sum of the triangles what was asked for.
 
-use crate::import::{MAX_INSTANCES, SourceMesh};
+use crate::import::{Instance, MAX_INSTANCES, SourceMesh};
 
 use super::family::{self, Family, LEAST_TRIANGLES, Site, Task};
-use super::layout::{Kit, Layout};
+use super::layout::{Kit, Layout, materials};
 use super::place::{self, Cells};
 use super::random::Random;
-use super::tree::{Bay, Tree};
+use super::tree::{Bay, Outline, Tree};
 use super::{MOST_TRIANGLES, SynthError};
 
 /// The mean of the Boeing 777, for a number of parts that was left open.
@@ -218,9 +218,16 @@ impl Plan {
         SourceMesh { name: self.name(mesh), body: mesh, ..family::mesh(task) }
     }
 
-    /// The assembly tree and all placements: about 170 bytes a placement.
-    pub fn outline(&self) -> super::Outline {
-        self.tree.outline(&self.kits, |bay, slot| self.site(bay, slot).world_from_part)
+    /// All placements one by one, in the order of the tree: for those who cannot hold 112 bytes for each.
+    pub fn instances(&self) -> impl Iterator<Item = Instance> + '_ {
+        self.tree.instances(&self.kits, |bay, slot| self.site(bay, slot).world_from_part)
+    }
+
+    /// The assembly tree, all placements and the materials: about 180 bytes a placement.
+    pub fn outline(&self) -> Outline {
+        let mut instances = Vec::with_capacity(self.instance_count() as usize);
+        instances.extend(self.instances());
+        Outline { instances, nodes: self.tree.nodes(&self.kits), materials: materials() }
     }
 
     /// Where a placement is.

@@ -5,7 +5,6 @@
 
 use glam::DAffine3;
 
-use super::layout::materials;
 use super::plan::PlannedKit;
 use crate::import::{Instance, Material, Node};
 
@@ -169,21 +168,24 @@ impl Tree {
         self.nodes
     }
 
-    /// Everything in order; `world_from_part` says where a placement is.
-    pub fn outline(&self, kits: &[PlannedKit], world_from_part: impl Fn(&Bay, u32) -> DAffine3) -> Outline {
-        let mut instances = Vec::with_capacity(self.instance_count() as usize);
-        for bay in &self.bays {
-            instances.extend((0..bay.slots).map(|slot| Instance {
+    /// All placements in order; `world_from_part` says where one is.
+    pub fn instances<'a>(
+        &'a self,
+        kits: &'a [PlannedKit],
+        world_from_part: impl Fn(&Bay, u32) -> DAffine3 + Copy + 'a,
+    ) -> impl Iterator<Item = Instance> + 'a {
+        self.bays.iter().flat_map(move |bay| {
+            (0..bay.slots).map(move |slot| Instance {
                 mesh: bay.first_mesh + bay.part_of(slot),
                 node: bay.node_of(slot),
                 material: kits[bay.kit as usize].kit.material,
                 world_from_part: world_from_part(bay, slot),
-            }));
-        }
-        Outline { instances, nodes: self.nodes(kits), materials: materials() }
+            })
+        })
     }
 
-    fn nodes(&self, kits: &[PlannedKit]) -> Vec<Node> {
+    /// All nodes in order, parents first.
+    pub fn nodes(&self, kits: &[PlannedKit]) -> Vec<Node> {
         let mut nodes = Vec::with_capacity(self.nodes as usize);
         let mut add = |name: String, parent: Option<u32>| {
             nodes.push(Node { name, parent });

@@ -60,8 +60,9 @@ pub fn column(task: &mut Task) -> Shape {
 /// A section that the triangles suffice for.
 fn chosen(task: &mut Task) -> Profile {
     let most = match task.target {
-        0..28 => 1,
-        28..44 => 4,
+        // The more points a section has, the fewer steps are left for the bend.
+        0..200 => 1,
+        200..500 => 4,
         _ => 5,
     };
     PROFILES[task.random.below(most) as usize]

@@ -31,10 +31,12 @@ pub fn grating(task: &mut Task) -> Shape {
 pub fn ladder(task: &mut Task) -> Shape {
     let mut shape = empty(task);
     let width = task.size as f32;
-    // Sixty rungs at most; with more triangles they are rounder.
-    let n = ((task.target / 60 + 4) / 4).max(6) & !1;
+    // From floor to floor; with more triangles the rungs are rounder.
+    const MOST_RUNGS: u32 = 14;
+    let n = ((task.target / MOST_RUNGS + 4) / 4).max(6) & !1;
     let each = 4 * n - 4;
-    let rungs = (task.target.saturating_sub(24) / each).clamp(u32::from(task.target >= 24 + each), 60);
+    let rungs =
+        (task.target.saturating_sub(24) / each).clamp(u32::from(task.target >= 24 + each), MOST_RUNGS);
     let height = 0.3 * (rungs.max(4)) as f32;
     for side in [-0.5, 0.5] {
         let y = side * width;

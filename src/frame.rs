@@ -85,6 +85,8 @@ pub enum PassesOn {
     Gpu,
     /// The CPU references; their results are copied to the GPU to be drawn.
     Reference,
+    /// Nowhere: what would be sent and drawn is counted, and nothing is sent or drawn.
+    Nowhere,
 }
 
 /// How to render.
@@ -374,6 +376,9 @@ impl Renderer {
             record.streamed_triangles += layout.triangles;
             record.bytes_tables += size_of_val(upload.grants.as_slice()) as u64;
         }
+        if self.settings.passes == PassesOn::Nowhere {
+            return Ok(uploads);
+        }
         let sizing = self.sizing();
         for (batch, upload) in self.batches.iter_mut().zip(&uploads).filter(|(_, upload)| !upload.is_empty())
         {
@@ -381,7 +386,7 @@ impl Renderer {
             batch.ensure(&self.gpu, upload.totals, upload.layout.words(), grants, sizing)?;
         }
         match (self.settings.passes, self.settings.strategy) {
-            (PassesOn::Reference, _) => {}
+            (PassesOn::Reference | PassesOn::Nowhere, _) => {}
             (PassesOn::Gpu, Strategy::PerPart) => self.send_part_by_part(&uploads, record)?,
             (PassesOn::Gpu, _) => self.send_in_one_block(&uploads, record)?,
         }
@@ -400,6 +405,7 @@ impl Renderer {
         match self.settings.passes {
             PassesOn::Gpu => self.rebuild_on_gpu(uploads, record)?,
             PassesOn::Reference => self.rebuild_on_reference(uploads, record)?,
+            PassesOn::Nowhere => self.count_as_rebuilt(uploads, record),
         }
         Ok(())
     }
@@ -414,6 +420,9 @@ impl Renderer {
         if self.frames_at_rest == 0 {
             self.draw.write_frame(&self.gpu.queue, &uniform);
             record.bytes_tables += size_of_val(&uniform) as u64;
+        }
+        if self.settings.passes == PassesOn::Nowhere {
+            return Ok(());
         }
         let drawn: Vec<DrawBatch<'_>> = self
             .batches

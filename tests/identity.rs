@@ -119,6 +119,29 @@ fn all_ways_draw_the_same(
 }
 
 #[test]
+fn counting_alone_counts_the_same() {
+    let Some(gpu) = gpu("counting_alone_counts_the_same") else { return };
+    let scene = engine();
+    let path = CameraPath::parse("walk").unwrap();
+    let fly = |settings| {
+        let mut renderer = Renderer::new(Arc::clone(&gpu), Arc::clone(&scene), settings).unwrap();
+        let frame = |frame| renderer.frame(&path.camera(frame, 12, scene.bounds())).unwrap();
+        (0..12).map(frame).collect::<Vec<_>>()
+    };
+    for strategy in Strategy::ALL {
+        let settings = Settings { strategy, ..SMALL };
+        let drawn = fly(settings);
+        let counted = fly(Settings { passes: PassesOn::Nowhere, ..settings });
+        for (drawn, counted) in drawn.iter().zip(&counted) {
+            let counts = |r: &FrameRecord| {
+                [r.active_vertices, r.active_triangles, r.streamed_triangles, r.bytes_sent, r.bytes_whole]
+            };
+            assert_eq!(counts(counted), counts(drawn), "frame {} of {strategy:?}", drawn.frame);
+        }
+    }
+}
+
+#[test]
 fn all_ways_draw_the_same_engine() {
     let Some(gpu) = gpu("all_ways_draw_the_same_engine") else { return };
     all_ways_draw_the_same(&gpu, &engine(), SMALL, 24, &PATHS);

@@ -88,6 +88,10 @@ pub struct FlyArguments {
     /// Do not wait for the disk: draw what has arrived. Frames then depend on its speed, and cannot be compared.
     #[arg(long, conflicts_with = "compare")]
     live: bool,
+    /// Count only: select, read and find out what each frame lacks, but neither send nor draw it. For the transfer of long
+    /// flights over large models on machines without a fast GPU; what is counted is the same.
+    #[arg(long, conflicts_with_all = ["png", "reference", "gpu_memory"])]
+    count_only: bool,
     /// Do not read back and hash what is drawn (the hashes in the summary are then empty).
     #[arg(long)]
     no_hash: bool,
@@ -133,7 +137,7 @@ pub fn run(arguments: &FlyArguments) -> Result<(), Failure> {
         path: &path,
         frames: arguments.frames,
         settings: settings(arguments),
-        hash: !arguments.no_hash,
+        hash: !arguments.no_hash && !arguments.count_only,
         png_every: arguments.png,
     };
     if arguments.compare {
@@ -160,7 +164,11 @@ fn settings(arguments: &FlyArguments) -> Settings {
         strategy: arguments.strategy,
         // The reference run must not depend on a single shader.
         select: if arguments.reference.is_some() { SelectOn::Cpu } else { arguments.select },
-        passes: if arguments.reference.is_some() { PassesOn::Reference } else { PassesOn::Gpu },
+        passes: match (arguments.reference, arguments.count_only) {
+            (Some(ReferenceOn::Cpu), _) => PassesOn::Reference,
+            (None, true) => PassesOn::Nowhere,
+            (None, false) => PassesOn::Gpu,
+        },
         upload_limit_bytes: arguments.upload_per_frame,
         memory_limit_bytes: arguments.memory,
         gpu_limit_bytes: arguments.gpu_memory,

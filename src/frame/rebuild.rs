@@ -260,6 +260,14 @@ impl Renderer {
         Ok(())
     }
 
+    /// What stages 5 and 6 would leave, without doing them.
+    pub(super) fn count_as_rebuilt(&mut self, uploads: &[BatchUpload], record: &mut FrameRecord) {
+        for (batch, upload) in self.batches.iter_mut().zip(uploads).filter(|(_, upload)| !upload.is_empty()) {
+            batch.swap(upload.totals.map(|total| total as u32));
+            record.bytes_tables += DRAW_BYTES;
+        }
+    }
+
     /// Where the adapter has no timestamps of its own, a stage is timed by waiting for it.
     fn wait_if_not_timed(&self, started: Instant) -> Result<f64, FrameError> {
         if self.gpu.timestamps || !self.settings.time_stages {

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 use super::bounds::Bounds;
 use super::mapped::{MapError, MappedFile};
 use super::part::Chunk;
-use crate::container::{ChunkSpec, Container, ContainerError, InstanceRow, PartRow};
+use crate::container::{ChunkSpec, Container, ContainerError, Groups, InstanceRow, PartRow};
 use crate::import::Colour;
 
 /// Why a container cannot be drawn.
@@ -37,6 +37,7 @@ pub struct Scene {
     instances: Vec<InstanceRow>,
     colours: Vec<Colour>,
     boxes: Vec<InstanceBox>,
+    groups: Groups,
     bounds: Bounds,
     has_parents: bool,
 }
@@ -71,7 +72,8 @@ impl Scene {
             bounds.with_point(b.centre - b.half_extent).with_point(b.centre + b.half_extent)
         });
         let has_parents = parts.iter().any(PartRow::is_parent);
-        Ok(Self { has_parents, parts, chunks, chunk_start, instances, colours, boxes, bounds, file })
+        let groups = Groups::of(&container);
+        Ok(Self { has_parents, groups, parts, chunks, chunk_start, instances, colours, boxes, bounds, file })
     }
 
     /// The parts.
@@ -117,6 +119,11 @@ impl Scene {
     /// The world-space box of every instance.
     pub fn boxes(&self) -> &[InstanceBox] {
         &self.boxes
+    }
+
+    /// The groups of all instances.
+    pub fn groups(&self) -> &Groups {
+        &self.groups
     }
 
     /// The box of everything.
@@ -165,7 +172,8 @@ fn chunk_specs(container: &Container<'_>) -> Result<(Vec<ChunkSpec>, Vec<u32>), 
     Ok((specs, starts))
 }
 
-fn instance_box(part: &PartRow, instance: &InstanceRow) -> InstanceBox {
+/// The world-space box of a placement of a part.
+pub fn instance_box(part: &PartRow, instance: &InstanceRow) -> InstanceBox {
     let [low, high] = part.bounds().map(DVec3::from);
     let transform = instance.transform();
     let half = (high - low) * 0.5;

@@ -59,7 +59,7 @@ fn made(placements: &[(u32, DAffine3)]) -> Made {
 
 /// Both ways; gives the wishes.
 fn check(made: &Made, cull: &mut Cull, params: &SelectParams, old: &[u32]) -> Vec<u32> {
-    let candidates = cull.find(&made.groups, &made.rows, params).to_vec();
+    let candidates = cull.find(&made.groups, params).to_vec();
     let all = 0..made.rows.len() as u32;
     let seen = all.filter(|&i| !reference::select::is_culled(&made.rows[i as usize], params));
     assert!(seen.eq(candidates.iter().copied()), "candidates");
@@ -140,7 +140,8 @@ proptest! {
             .iter()
             .map(|&(part, transform)| (part, DAffine3::from_translation(DVec3::splat(origin)) * transform))
             .collect();
-        let (made, mut cull) = (made(&moved), Cull::default());
+        let made = made(&moved);
+        let mut cull = Cull::new(&made.groups, &made.rows);
         let mut old = vec![0; made.rows.len()];
         for mut view in views {
             view.eye = view.eye.map(|c| c + origin);
@@ -157,23 +158,25 @@ fn grid() -> Made {
 
 #[test]
 fn what_the_frustum_does_not_touch_is_not_tested() {
-    let (made, mut cull) = (grid(), Cull::default());
+    let made = grid();
+    let mut cull = Cull::new(&made.groups, &made.rows);
     let count = made.rows.len() as u32;
     let narrow = view(DVec3::new(2000.0, 2000.0, 500.0), DVec3::NEG_Z, 0.4, 0.0, 100_000).params(count);
-    let seen = cull.find(&made.groups, &made.rows, &narrow).len();
+    let seen = cull.find(&made.groups, &narrow).len();
     assert!((20..100).contains(&seen), "{seen}");
     assert!(cull.tested() < 1000, "{}", cull.tested());
     let away = view(DVec3::new(2000.0, 2000.0, 500.0), DVec3::Z, 0.4, 0.0, 100_000).params(count);
-    assert_eq!((cull.find(&made.groups, &made.rows, &away).len(), cull.tested()), (0, 0));
+    assert_eq!((cull.find(&made.groups, &away).len(), cull.tested()), (0, 0));
 }
 
 #[test]
 fn groups_of_what_is_too_small_are_not_tested() {
-    let (made, mut cull) = (grid(), Cull::default());
+    let made = grid();
+    let mut cull = Cull::new(&made.groups, &made.rows);
     let from = |z: f64| view(DVec3::new(2000.0, 2000.0, z), DVec3::NEG_Z, 1.5, 1.0, 100_000).params(10_000);
-    assert_eq!(cull.find(&made.groups, &made.rows, &from(3000.0)).len(), 0);
+    assert_eq!(cull.find(&made.groups, &from(3000.0)).len(), 0);
     assert_eq!(cull.tested(), 0);
-    assert!(!cull.find(&made.groups, &made.rows, &from(300.0)).is_empty());
+    assert!(!cull.find(&made.groups, &from(300.0)).is_empty());
     assert!(cull.tested() < 5000, "{}", cull.tested());
 }
 
@@ -183,7 +186,7 @@ fn an_eye_that_is_nowhere_culls_nothing_that_the_reference_keeps() {
     for eye in [DVec3::splat(f64::NAN), DVec3::splat(1e300), DVec3::splat(f64::INFINITY)] {
         let params =
             SelectView { eye: eye.to_array(), ..view(DVec3::ZERO, DVec3::X, 1.0, 1.0, 9999) }.params(10_000);
-        check(&made, &mut Cull::default(), &params, &vec![0; 10_000]);
+        check(&made, &mut Cull::new(&made.groups, &made.rows), &params, &vec![0; 10_000]);
     }
 }
 
@@ -193,7 +196,7 @@ fn one_thread_finds_the_same() {
     let made = grid();
     let params =
         view(DVec3::new(0.0, 0.0, 300.0), DVec3::new(1.0, 1.0, -0.2), 1.0, 0.5, 200_000).params(10_000);
-    let find = || check(&made, &mut Cull::default(), &params, &vec![0; 10_000]);
+    let find = || check(&made, &mut Cull::new(&made.groups, &made.rows), &params, &vec![0; 10_000]);
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap().install(find);
     assert!(one.iter().any(|&wish| wish > 0));
     assert_eq!(one, find());

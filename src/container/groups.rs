@@ -1,10 +1,11 @@
 //! The instances of a model in, its groups out: a tree of boxes whose leaves have some hundred instances each.
 //!
-//! From the top down, every group is cut in two where that costs least: at one of [`BINS`] places along an axis, by the size of
-//! both boxes and how many instances are in each (Wald 2007, "On fast Construction of SAH-based Bounding Volume
-//! Hierarchies", with edges in place of areas: what a frustum cuts grows with a box's edges). While the tree is built it takes
+//! From the top down, every group is cut in two. First by size, large instances from small ones: so bolts do not
+//! lie in boxes that a plate has made large, and are left out together where they are too small to be seen. Then in space,
+//! where that costs least: at one of [`BINS`] places along an axis, by the surface of both boxes and how many instances are
+//! in each (Wald 2007, "On fast Construction of SAH-based Bounding Volume Hierarchies"). While the tree is built it takes
 //! 36 bytes a placement; boxes are then formed in f64 in another walk over the instances. One thread, so that the result is
-//! the same anywhere.
+//! the same anywhere. `docs/performance.md` has what other cuts cost.
 
 use super::Container;
 use super::format::*;
@@ -51,8 +52,20 @@ impl SmallBox {
         std::array::from_fn(|axis| self.low[axis] * 0.5 + self.high[axis] * 0.5)
     }
 
-    fn edges(&self) -> f64 {
-        (0..3).map(|axis| (f64::from(self.high[axis]) - f64::from(self.low[axis])).max(0.0)).sum()
+    fn edges(&self) -> [f64; 3] {
+        std::array::from_fn(|axis| (f64::from(self.high[axis]) - f64::from(self.low[axis])).max(0.0))
+    }
+
+    /// Half of it.
+    fn surface(&self) -> f64 {
+        let [x, y, z] = self.edges();
+        x * y + y * z + z * x
+    }
+
+    /// Sizes that differ by less than a factor of 4 have the same, or neighbouring ones.
+    fn size_class(&self) -> usize {
+        let longest = self.edges().into_iter().fold(0.0, f64::max) as f32;
+        (longest.to_bits() >> 24) as usize
     }
 }
 
@@ -197,6 +210,10 @@ fn cut(placements: &mut [Placement], depth: usize) -> Option<usize> {
     if placements.len() == 1 || instances <= u64::from(LEAF_INSTANCES) {
         return None;
     }
+    let class = (depth < BALANCED_FROM).then(|| least_class_of_the_large(placements)).flatten();
+    if let Some(class) = class {
+        return Some(partition(placements, |placement| placement.bounds.size_class() < class));
+    }
     let centres = placements.iter().fold(SmallBox::EMPTY, |b, p| b.with_point(p.bounds.centre()));
     let cheapest = (depth < BALANCED_FROM).then(|| cheapest_cut(placements, &centres)).flatten();
     let Some((axis, bin)) = cheapest else {
@@ -209,6 +226,21 @@ fn cut(placements: &mut [Placement], depth: usize) -> Option<usize> {
         return Some(middle);
     };
     Some(partition(placements, |placement| bin_of(placement, &centres, axis) < bin))
+}
+
+/// The greatest class of size that, with all above it, fills a leaf, if what is below it does as well.
+fn least_class_of_the_large(placements: &[Placement]) -> Option<usize> {
+    let mut counts = [0u64; 128];
+    placements
+        .iter()
+        .for_each(|placement| counts[placement.bounds.size_class()] += u64::from(placement.count));
+    let (all, leaf) = (counts.iter().sum::<u64>(), u64::from(LEAF_INSTANCES));
+    let mut large = 0;
+    let class = (0..counts.len()).rev().find(|&class| {
+        large += counts[class];
+        large >= leaf
+    });
+    class.filter(|_| all - large >= leaf)
 }
 
 fn longest_axis(bounds: &SmallBox) -> usize {
@@ -250,7 +282,7 @@ fn running<'a>(bins: impl Iterator<Item = &'a (SmallBox, u64)>) -> Vec<(f64, u64
     let sum = bins.scan((SmallBox::EMPTY, 0), |(bounds, count), bin| {
         *bounds = bounds.with(&bin.0);
         *count += bin.1;
-        Some((bounds.edges() * *count as f64, *count))
+        Some((bounds.surface() * *count as f64, *count))
     });
     sum.collect()
 }
@@ -315,6 +347,22 @@ mod tests {
             assert!((0.866..0.867).contains(&row.radius));
         }
         assert_eq!(groups.rows[0].high, [631.0, 631.0, 1.0]);
+    }
+
+    /// A hundred large cubes in a heap of small ones are no part of their groups, but of one leaf.
+    #[test]
+    fn large_and_small_instances_are_in_different_groups() {
+        let scaled = |i: usize| {
+            let mut row = at(0, [(i % 80) as f64, (i / 80) as f64, 0.0]);
+            let scale = if i % 40 == 7 { 50.0 } else { 1.0 };
+            [0, 4, 8].iter().for_each(|&at| row.world_from_part[at] = scale);
+            row
+        };
+        let groups = built(&(0..6000).map(scaled).collect::<Vec<_>>());
+        let large = leaves(&groups).iter().filter(|leaf| leaf.iter().any(|&i| i % 40 == 7)).count();
+        assert!(large <= 3, "{large}");
+        let uniform = |leaf: &[u32]| leaf.iter().all(|i| (i % 40 == 7) == (leaf[0] % 40 == 7));
+        assert!(leaves(&groups).into_iter().all(uniform));
     }
 
     #[test]

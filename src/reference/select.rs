@@ -172,10 +172,12 @@ pub fn is_culled(row: &SelectRow, params: &SelectParams) -> bool {
 
 /// Culls and weighs the instance of a row; all zeros if it is culled. `old` has the last budgets, one a row.
 pub fn weigh(rows: &[SelectRow], index: usize, params: &SelectParams, old: &[u32]) -> Weighed {
+    if is_culled(&rows[index], params) { Weighed::default() } else { weigh_seen(rows, index, params, old) }
+}
+
+/// As [`weigh`], of an instance that is not culled.
+pub(crate) fn weigh_seen(rows: &[SelectRow], index: usize, params: &SelectParams, old: &[u32]) -> Weighed {
     let row = &rows[index];
-    if is_culled(row, params) {
-        return Weighed::default();
-    }
     let seen = see(row, params);
     let ceiling = match params.error_limited {
         0 => row.ceiling,

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use crate::container::{GroupRow, Groups};
 use crate::gpu::layout::{SelectParams, SelectRow};
-use crate::reference::select::is_culled;
+use crate::reference::power::log2;
 
 /// Coordinates beyond this overflow in the squares of f32: nothing is concluded of them.
 const MAX_COORDINATE: f64 = 1e15;
@@ -104,10 +104,12 @@ impl<'a> GroupView<'a> {
     }
 }
 
-/// The members of a leaf, as a range.
-type Leaf = Range<usize>;
+/// A leaf that is not culled as a whole: its members, and whether no plane cuts its box.
+struct Leaf {
+    members: Range<usize>,
+    is_inside: bool,
+}
 
-/// The leaves that are not culled as wholes, as ranges of members.
 fn leaves(groups: &[GroupRow], params: &SelectParams) -> Vec<Leaf> {
     let view = GroupView::new(params);
     let mut leaves = Vec::new();
@@ -119,16 +121,95 @@ fn leaves(groups: &[GroupRow], params: &SelectParams) -> Vec<Leaf> {
             inside_until = end;
         }
         if verdict != Verdict::Culled && group.is_leaf(at) {
-            leaves.push(group.members());
+            leaves.push(Leaf { members: group.members(), is_inside: verdict == Verdict::Inside });
         }
         at = if verdict == Verdict::Culled { end } else { at + 1 };
     }
     leaves
 }
 
+/// Members that are tested together.
+const BLOCK: usize = 64;
+
+/// What the test of a member needs, a column each, in the order of the members: leaves are read from end to end, and
+/// a compiler makes vectors of the loops.
+#[derive(Debug, Default)]
+struct Columns {
+    centre_high: [Vec<f32>; 3],
+    centre_low: [Vec<f32>; 3],
+    half_extent: [Vec<f32>; 3],
+}
+
+impl Columns {
+    fn new(members: &[u32], rows: &[SelectRow]) -> Self {
+        let column = |value: &dyn Fn(&SelectRow) -> f32| -> Vec<f32> {
+            members.iter().map(|&number| value(&rows[number as usize])).collect()
+        };
+        Self {
+            centre_high: std::array::from_fn(|axis| column(&|row| row.centre_high[axis])),
+            centre_low: std::array::from_fn(|axis| column(&|row| row.centre_low[axis])),
+            half_extent: std::array::from_fn(|axis| column(&|row| row.half_extent[axis])),
+        }
+    }
+
+    /// Whether each member of a range of at most [`BLOCK`] is culled; `reference::select::is_culled`, operation by
+    /// operation.
+    fn culled(&self, members: Range<usize>, is_inside: bool, params: &SelectParams) -> [bool; BLOCK] {
+        let mut block = Block::default();
+        for axis in 0..3 {
+            let (eye_high, eye_low) = (params.eye_high[axis], params.eye_low[axis]);
+            let high = self.centre_high[axis][members.clone()].iter();
+            let low = self.centre_low[axis][members.clone()].iter();
+            for ((centre, high), low) in block.centre[axis].iter_mut().zip(high).zip(low) {
+                *centre = (high - eye_high) + (low - eye_low);
+            }
+            block.half[axis][..members.len()].copy_from_slice(&self.half_extent[axis][members.clone()]);
+        }
+        let mut culled = [false; BLOCK];
+        if !is_inside {
+            params.planes.iter().for_each(|plane| block.cull_outside(plane, &mut culled));
+        }
+        block.cull_small(params, &mut culled);
+        culled
+    }
+}
+
+/// Some members, a column for each number.
+struct Block {
+    centre: [[f32; BLOCK]; 3],
+    half: [[f32; BLOCK]; 3],
+}
+
+impl Default for Block {
+    fn default() -> Self {
+        Self { centre: [[0.0; BLOCK]; 3], half: [[0.0; BLOCK]; 3] }
+    }
+}
+
+impl Block {
+    fn cull_outside(&self, &[x, y, z, w]: &[f32; 4], culled: &mut [bool; BLOCK]) {
+        let ([cx, cy, cz], [hx, hy, hz]) = (&self.centre, &self.half);
+        for at in 0..BLOCK {
+            let reach = x.abs() * hx[at] + y.abs() * hy[at] + z.abs() * hz[at];
+            culled[at] |= ((x * cx[at] + y * cy[at] + z * cz[at]) + w) + reach < 0.0;
+        }
+    }
+
+    fn cull_small(&self, params: &SelectParams, culled: &mut [bool; BLOCK]) {
+        let ([cx, cy, cz], [hx, hy, hz]) = (&self.centre, &self.half);
+        for at in 0..BLOCK {
+            let radius2 = hx[at] * hx[at] + hy[at] * hy[at] + hz[at] * hz[at];
+            let distance2 = (cx[at] * cx[at] + cy[at] * cy[at] + cz[at] * cz[at]) - radius2;
+            let log2_distance2 = log2(distance2.max(radius2 * 0.01));
+            culled[at] |= (params.log2_area_scale + log2(radius2)) - log2_distance2 < params.log2_area_min;
+        }
+    }
+}
+
 /// Finds candidates, frame after frame.
 #[derive(Debug, Default)]
 pub struct Cull {
+    columns: Columns,
     /// A bit for every instance, all zero between calls.
     marked: Vec<u64>,
     candidates: Vec<u32>,
@@ -136,16 +217,34 @@ pub struct Cull {
 }
 
 impl Cull {
-    /// The instances that are not culled, ascending. `rows` has one row an instance, of which `groups` has each once.
-    pub fn find(&mut self, groups: &Groups, rows: &[SelectRow], params: &SelectParams) -> &[u32] {
+    /// Takes 36 bytes an instance. `rows` has one row an instance, of which `groups` has each once.
+    pub fn new(groups: &Groups, rows: &[SelectRow]) -> Self {
+        Self {
+            columns: Columns::new(&groups.members, rows),
+            marked: vec![0; rows.len().div_ceil(64)],
+            ..Self::default()
+        }
+    }
+
+    /// The instances that are not culled, ascending, of the groups that this was made for.
+    pub fn find(&mut self, groups: &Groups, params: &SelectParams) -> &[u32] {
         let leaves = leaves(&groups.rows, params);
-        self.tested = leaves.iter().map(Leaf::len).sum();
+        self.tested = leaves.iter().map(|leaf| leaf.members.len()).sum();
+        let columns = &self.columns;
         let kept = |leaves: &[Leaf]| -> Vec<u32> {
-            let members = leaves.iter().flat_map(|leaf| &groups.members[leaf.clone()]);
-            members.copied().filter(|&number| !is_culled(&rows[number as usize], params)).collect()
+            let mut kept = Vec::with_capacity(leaves.iter().map(|leaf| leaf.members.len()).sum());
+            for leaf in leaves {
+                for start in leaf.members.clone().step_by(BLOCK) {
+                    let members = start..leaf.members.end.min(start + BLOCK);
+                    let culled = columns.culled(members.clone(), leaf.is_inside, params);
+                    let numbers = groups.members[members].iter().zip(culled);
+                    kept.extend(numbers.filter(|&(_, culled)| !culled).map(|(&number, _)| number));
+                }
+            }
+            kept
         };
         let found: Vec<Vec<u32>> = leaves.par_chunks(LEAVES_A_TASK).map(kept).collect();
-        self.sort(found, rows.len());
+        self.sort(&found);
         &self.candidates
     }
 
@@ -155,10 +254,9 @@ impl Cull {
     }
 
     /// Makes one ascending list of several.
-    fn sort(&mut self, lists: Vec<Vec<u32>>, instances: usize) {
-        self.marked.resize(instances.div_ceil(64), 0);
-        for number in lists.into_iter().flatten() {
-            self.marked[number as usize / 64] |= 1 << (number % 64);
+    fn sort(&mut self, lists: &[Vec<u32>]) {
+        for number in lists.iter().flatten() {
+            self.marked[*number as usize / 64] |= 1 << (number % 64);
         }
         self.candidates.clear();
         for (word, first) in self.marked.iter_mut().zip((0u32..).step_by(64)) {

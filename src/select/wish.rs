@@ -55,7 +55,8 @@ impl Wishes {
             SelectOn::Cpu => None,
             SelectOn::Gpu => Some(GpuSelect::new(gpu, &rows)?),
         };
-        Ok(Self { rows, wishes, visible: Vec::new(), cull: Cull::default(), gpu })
+        let cull = Cull::new(scene.groups(), &rows);
+        Ok(Self { rows, wishes, visible: Vec::new(), cull, gpu })
     }
 
     /// The wishes of the last [`Wishes::update`], one an instance; 0 for a culled one.
@@ -81,7 +82,7 @@ impl Wishes {
         wait: bool,
     ) -> Result<bool, GpuError> {
         let params = view.params(self.rows.len() as u32);
-        let candidates = self.cull.find(scene.groups(), &self.rows, &params);
+        let candidates = self.cull.find(scene.groups(), &params);
         let found = match &mut self.gpu {
             None => {
                 let spent = spend(&self.rows, candidates, &params, &self.wishes);

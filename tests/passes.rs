@@ -960,6 +960,8 @@ fn a_selection_that_is_not_waited_for_comes_later() {
         assert_same("the last answer", &found, &old);
         assert!(!select.is_busy() && select.receive(gpu, false).unwrap().is_none());
     }
+    let limit = gpu.storage_limit_bytes() as usize;
+    assert!(GpuSelect::fits(gpu, limit / 80) && !GpuSelect::fits(gpu, limit / 80 + 1));
     // No candidates at all: an answer as well.
     let params = view(0).params(rows.len() as u32);
     let (instances, wishes) = select.update(gpu, &params, &[], true).unwrap().unwrap();

@@ -24,6 +24,11 @@ pub struct GpuSelect {
 }
 
 impl GpuSelect {
+    /// Whether the adapter can bind a buffer of so many rows.
+    pub fn fits(gpu: &Gpu, instances: usize) -> bool {
+        (instances * size_of::<SelectRow>()) as u64 <= gpu.storage_limit_bytes()
+    }
+
     /// Uploads the rows.
     ///
     /// # Errors

@@ -44,7 +44,8 @@ pub struct Wishes {
 }
 
 impl Wishes {
-    /// Makes the rows, and for [`SelectOn::Gpu`] uploads them.
+    /// Makes the rows, and for [`SelectOn::Gpu`] uploads them, if there are not more than the adapter can bind: then the CPU
+    /// finds the same wishes.
     ///
     /// # Errors
     /// The adapter has no room for the rows.
@@ -52,8 +53,15 @@ impl Wishes {
         let rows = select_rows(scene);
         let wishes = vec![0; rows.len()];
         let gpu = match on {
+            SelectOn::Gpu if GpuSelect::fits(gpu, rows.len()) => Some(GpuSelect::new(gpu, &rows)?),
+            SelectOn::Gpu => {
+                tracing::warn!(
+                    instances = rows.len(),
+                    "more than the adapter can bind: selecting on the CPU"
+                );
+                None
+            }
             SelectOn::Cpu => None,
-            SelectOn::Gpu => Some(GpuSelect::new(gpu, &rows)?),
         };
         let cull = Cull::new(scene.groups(), &rows);
         Ok(Self { rows, wishes, visible: Vec::new(), cull, gpu })

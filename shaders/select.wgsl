@@ -1,8 +1,8 @@
 // select: spends the budget of vertices on the visible instances, each by its projected area.
 //
-// Reads:   rows (one an instance), old wishes
-// Writes:  wishes (0: culled)
-// Before:  nothing;  after: the host reads the wishes and makes grants of them
+// Reads:   rows (one an instance), old wishes, candidates (the instances to look at, ascending), those of the last time
+// Writes:  wishes (one an instance; 0: culled, or no candidate), found (the candidates' own, for the host to read)
+// Before:  the host finds the candidates (src/select/cull.rs);  after: the host makes grants of what was found
 //
 // Peng & Cao 2012, section 5.1, equation 1, with floors and ceilings: an instance of weight w = area^(1/alpha) gets
 // respond(lambda * w), and lambda is the greatest f32 that all can be paid with. Positive floats are ordered as their
@@ -10,12 +10,13 @@
 // Of the cells of one part, parents are drawn below the factor that would give them all they have, and their children
 // from there on.
 //
-//   select_weigh    a lane an instance: cull, weigh
-//   select_spend    a lane an instance: what each of 16 candidates costs, summed by workgroup       (8 times, with
+//   select_weigh    a lane a candidate: cull, weigh
+//   select_clear    a lane a candidate of the last time: its old wish was read, and is 0 from here on
+//   select_spend    a lane a candidate: what each of 16 candidates costs, summed by workgroup       (8 times, with
 //   select_narrow   one workgroup: sums these, keeps the greatest candidate that can be paid          select_narrow)
-//   select_jump     a lane an instance: by how much it would grow at the next f32
+//   select_jump     a lane a candidate: by how much it would grow at the next f32
 //   prefix_sum      over the jumps
-//   select_deal     a lane an instance: deals out, in order, what was left over
+//   select_deal     a lane a candidate: deals out, in order, what was left over
 //
 // Every float operation is exact (shared/power.wgsl): wishes are those of src/reference/select.rs, bit for bit.
 
@@ -46,6 +47,9 @@ struct SelectParams {
     error_limited: u32,
     dead_band: f32,
     zero: u32,
+    candidate_count: u32,
+    previous_count: u32,
+    padding: vec2<u32>,
 }
 
 struct Weighed {
@@ -89,6 +93,9 @@ const MAX_CELL_DEPTH: u32 = 16u;
 @group(0) @binding(6) var<storage, read_write> jumps: array<u32>;
 @group(0) @binding(7) var<storage, read> jump_start: array<u32>;
 @group(0) @binding(8) var<storage, read_write> wish: array<u32>;
+@group(0) @binding(9) var<storage, read> candidates: array<u32>;
+@group(0) @binding(10) var<storage, read> previous: array<u32>;
+@group(0) @binding(11) var<storage, read_write> found: array<u32>;
 
 // The centre of the instance's box, seen from the eye.
 fn centre_from_eye(row: SelectRow) -> vec3<f32> {
@@ -232,12 +239,25 @@ fn select_weigh(
     @builtin(local_invocation_index) lane: u32,
 ) {
     exact_zero = params.zero;
-    let index = group_number(group_id, groups) * GROUP + lane;
-    if index == 0u {
+    let at = group_number(group_id, groups) * GROUP + lane;
+    if at == 0u {
         state = SelectState(0u, FIRST_STEP, 0u, 0u);
     }
-    if index < params.instance_count {
-        weighed[index] = weigh(rows[index], old_wish[index]);
+    if at < params.candidate_count {
+        let index = candidates[at];
+        weighed[at] = weigh(rows[index], old_wish[index]);
+    }
+}
+
+@compute @workgroup_size(64)
+fn select_clear(
+    @builtin(workgroup_id) group_id: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let at = group_number(group_id, groups) * GROUP + lane;
+    if at < params.previous_count {
+        wish[previous[at]] = 0u;
     }
 }
 
@@ -252,7 +272,7 @@ fn select_spend(
     exact_zero = params.zero;
     let group = group_number(group_id, groups);
     let index = group * GROUP + lane;
-    let present = index < params.instance_count;
+    let present = index < params.candidate_count;
     var item = Weighed();
     if present {
         item = weighed[index];
@@ -272,7 +292,7 @@ fn select_spend(
     workgroupBarrier();
     costs[lane] = sum;
     workgroupBarrier();
-    if lane < WAYS && group * GROUP < params.instance_count {
+    if lane < WAYS && group * GROUP < params.candidate_count {
         let low = saturating_add(costs[lane], costs[lane + 16u]);
         let high = saturating_add(costs[lane + 32u], costs[lane + 48u]);
         partials[group * WAYS + lane] = saturating_add(low, high);
@@ -290,7 +310,7 @@ fn cost_of(candidate: u32) -> u32 {
 
 @compute @workgroup_size(256)
 fn select_narrow(@builtin(local_invocation_index) lane: u32) {
-    let group_count = (params.instance_count + GROUP - 1u) / GROUP;
+    let group_count = (params.candidate_count + GROUP - 1u) / GROUP;
     let way = lane % WAYS;
     var sum = 0u;
     for (var group = lane / WAYS; group < group_count; group += 16u) {
@@ -329,7 +349,7 @@ fn select_jump(
 ) {
     exact_zero = params.zero;
     let index = group_number(group_id, groups) * GROUP + lane;
-    if index < params.instance_count {
+    if index < params.candidate_count {
         jumps[index] = jump(weighed[index]);
     }
 }
@@ -342,8 +362,10 @@ fn select_deal(
 ) {
     exact_zero = params.zero;
     let index = group_number(group_id, groups) * GROUP + lane;
-    if index < params.instance_count {
+    if index < params.candidate_count {
         let dealt = min(jumps[index], saturating_sub(state.left, jump_start[index]));
-        wish[index] = respond(weighed[index], state.low) + dealt;
+        let count = respond(weighed[index], state.low) + dealt;
+        found[index] = count;
+        wish[candidates[index]] = count;
     }
 }

@@ -291,14 +291,16 @@ impl Renderer {
         let moved = self.view.as_ref() != Some(camera);
         self.frames_at_rest = if moved { 0 } else { self.frames_at_rest.saturating_add(1) };
         self.view = Some(*camera);
-        self.settled = self.frames_at_rest >= FRAMES_TO_REST && !self.pending && !self.changed;
-        if self.frames_at_rest < FRAMES_TO_REST {
+        let rests = self.frames_at_rest >= FRAMES_TO_REST;
+        if !rests {
             self.squeeze.begin(self.share_of_caps(), moved);
             let view = self.select_view(camera);
-            if self.wishes.update(&self.gpu, &view)? {
+            if self.wishes.update(&self.gpu, &self.scene, &view, self.settings.settle)? {
                 record.compute_passes += 1;
             }
         }
+        let is_late = rests && self.wishes.receive(&self.gpu)?;
+        self.settled = rests && !is_late && !self.pending && !self.changed;
         record.select_ms = milliseconds_since(started);
         Ok(())
     }

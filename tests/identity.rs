@@ -286,6 +286,37 @@ fn at_rest_after_a_teleport_the_picture_does_not_remember_the_way() {
     assert!(one.1 == other.1, "pictures remember the way");
 }
 
+/// Without waiting for the disk or for what the GPU has selected, wishes are late while the camera moves, and right at rest.
+#[test]
+fn frames_that_do_not_wait_come_to_rest_at_the_same_picture() {
+    let Some(gpu) = gpu("frames_that_do_not_wait_come_to_rest_at_the_same_picture") else { return };
+    let scene = truck();
+    let path = CameraPath::parse("orbit").unwrap();
+    let arrive = |settings: Settings| {
+        let mut renderer = Renderer::new(Arc::clone(&gpu), Arc::clone(&scene), settings).unwrap();
+        for frame in 0..20 {
+            renderer.frame(&path.camera(frame, 60, scene.bounds())).unwrap();
+        }
+        let mut at_rest = 0;
+        // What the workers have not read after ten seconds will not come.
+        for _ in 0..1000 {
+            let record = renderer.frame(&path.camera(20, 60, scene.bounds())).unwrap();
+            let moves = record.bytes_sent > 0 || record.misses > 0 || record.compute_passes > 0;
+            at_rest = if moves { 0 } else { at_rest + 1 };
+            if at_rest == 3 {
+                break;
+            }
+            std::thread::sleep(std::time::Duration::from_millis(10));
+        }
+        assert_eq!(at_rest, 3, "it never comes to rest");
+        renderer.states().iter().map(|state| state.vertices).collect::<Vec<_>>()
+    };
+    let waited = arrive(SMALL);
+    for select in [SelectOn::Cpu, SelectOn::Gpu] {
+        assert_eq!(arrive(Settings { settle: false, select, ..SMALL }), waited, "{select:?}");
+    }
+}
+
 /// The largest real model at hand; long, so it runs when asked for: `cargo test --release -- --ignored largest`.
 #[test]
 #[ignore = "minutes; set COLLAPSAR_LARGEST to a container or model and run with --ignored"]

@@ -21,6 +21,7 @@ use collapsar::passes::reform::ReformBuffers;
 use collapsar::passes::select::SelectBuffers;
 use collapsar::passes::{Defragment, GrantPass, POWER, PrefixSum, Reform, Select};
 use collapsar::reference::{self, SelectView, Starts};
+use collapsar::select::GpuSelect;
 use proptest::prelude::*;
 use wgpu::{Buffer, ComputePass};
 
@@ -789,14 +790,69 @@ fn select_agrees_with_its_reference_on_parent_cells() {
     }
 }
 
+/// What the GPU selects among all rows.
 fn select_on(gpu: &Gpu, rows: &[SelectRow], params: &SelectParams, old: &[u32]) -> Vec<u32> {
+    let all: Vec<u32> = (0..rows.len() as u32).collect();
+    select_among(gpu, rows, params, old, &all, &all)
+}
+
+/// What the GPU selects among candidates, after a look at how it leaves the wishes of all.
+fn select_among(
+    gpu: &Gpu,
+    rows: &[SelectRow],
+    params: &SelectParams,
+    old: &[u32],
+    candidates: &[u32],
+    previous: &[u32],
+) -> Vec<u32> {
     static PASSES: OnceLock<parking_lot::Mutex<(Select, PrefixSum)>> = OnceLock::new();
     let passes = PASSES.get_or_init(|| parking_lot::Mutex::new((Select::new(gpu), PrefixSum::new(gpu))));
     let (select, prefix_sum) = &mut *passes.lock();
-    let wish = poisoned::<u32>(gpu, rows.len());
-    let buffers = SelectBuffers { rows: &upload(gpu, rows), old: &upload(gpu, old), wish: &wish };
-    compute(gpu, |pass| select.record(gpu, pass, prefix_sum, params, &buffers).unwrap());
-    output(gpu, &wish, rows.len())
+    let params = SelectParams {
+        candidate_count: candidates.len() as u32,
+        previous_count: previous.len() as u32,
+        ..*params
+    };
+    let wishes = upload(gpu, &[old, &[POISON; GUARD]].concat());
+    let found = poisoned::<u32>(gpu, candidates.len());
+    let buffers = SelectBuffers {
+        rows: &upload(gpu, rows),
+        candidates: &upload(gpu, candidates),
+        previous: &upload(gpu, previous),
+        wishes: &wishes,
+        found: &found,
+    };
+    compute(gpu, |pass| select.record(gpu, pass, prefix_sum, &params, &buffers).unwrap());
+    let wishes = output(gpu, &wishes, rows.len());
+    let expected: Vec<u32> = candidates.iter().map(|&number| wishes[number as usize]).collect();
+    assert_same("found", &output(gpu, &found, candidates.len()), &expected);
+    wishes
+}
+
+/// Frame after frame among the candidates of that frame: others, that had wishes before, read as 0 from then on.
+#[test]
+fn select_among_candidates_agrees_with_its_reference() {
+    let Some(gpu) = gpu() else { return };
+    for count in [1usize, 64, 1000, 5000] {
+        let rows = with_parents((0..count as u64).map(random_row).collect());
+        let (mut old, mut previous) = (vec![0; count], Vec::new());
+        for frame in 0..6u64 {
+            let mut view = SelectView { error_px: 2.0, ..view(100_000) };
+            // From all to none and back.
+            view.min_area_px = [0.0, 100.0, 1e9, 3.0, 1e9, 0.5][frame as usize];
+            view.eye[1] += 30.0 * frame as f64;
+            let params = view.params(count as u32);
+            let is_candidate = |&index: &u32| {
+                let more = below(frame << 20 | u64::from(index), 10) == 0 && frame % 2 == 0;
+                more || !reference::select::is_culled(&rows[index as usize], &params)
+            };
+            let candidates: Vec<u32> = (0..count as u32).filter(is_candidate).collect();
+            let next = reference::select(&rows, &params, &old);
+            let found = select_among(gpu, &rows, &params, &old, &candidates, &previous);
+            assert_same(&format!("frame {frame} of {count}"), &found, &next);
+            (old, previous) = (next, candidates);
+        }
+    }
 }
 
 /// Selects twice, the second time with the first wishes as the old ones, and says what was wished at last.
@@ -876,6 +932,40 @@ fn select_takes_a_hundred_thousand_instances() {
     let Some(gpu) = gpu() else { return };
     let rows: Vec<_> = (0..100_000).map(random_row).collect();
     check_select(gpu, "many", &rows, &view(20_000_000), &vec![0; rows.len()]);
+}
+
+/// Answers that are not waited for come later, and are those of the last view that was asked about.
+#[test]
+fn a_selection_that_is_not_waited_for_comes_later() {
+    let Some(gpu) = gpu() else { return };
+    let rows: Vec<_> = (0..3000).map(random_row).collect();
+    let mut select = GpuSelect::new(gpu, &rows).unwrap();
+    let mut old = vec![0; rows.len()];
+    for round in 0..4u64 {
+        let mut newest = None;
+        // The ring has room for three.
+        for step in 0..3u64 {
+            let mut view = view(200_000);
+            view.eye[0] += 10.0 * (3 * round + step) as f64;
+            let params = view.params(rows.len() as u32);
+            let seen = |&i: &u32| !reference::select::is_culled(&rows[i as usize], &params);
+            let candidates: Vec<u32> = (0..rows.len() as u32).filter(seen).collect();
+            newest = select.update(gpu, &params, &candidates, false).unwrap().or(newest);
+            assert!(newest.is_some() || round > 0, "there is nothing to go on with before the first answer");
+            old = reference::select(&rows, &params, &old);
+        }
+        let (instances, wishes) = select.receive(gpu, true).unwrap().or(newest).unwrap();
+        let mut found = vec![0; rows.len()];
+        instances.iter().zip(&wishes).for_each(|(&instance, &wish)| found[instance as usize] = wish);
+        assert_same("the last answer", &found, &old);
+        assert!(!select.is_busy() && select.receive(gpu, false).unwrap().is_none());
+    }
+    let limit = gpu.storage_limit_bytes() as usize;
+    assert!(GpuSelect::fits(gpu, limit / 80) && !GpuSelect::fits(gpu, limit / 80 + 1));
+    // No candidates at all: an answer as well.
+    let params = view(0).params(rows.len() as u32);
+    let (instances, wishes) = select.update(gpu, &params, &[], true).unwrap().unwrap();
+    assert!(instances.is_empty() && wishes.is_empty());
 }
 
 prop_compose! {

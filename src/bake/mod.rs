@@ -393,7 +393,7 @@ impl Baking<'_> {
             Ok(*row)
         };
         let placed = counts.iter().map(|&count| count as usize).sum();
-        let placed = (placed, placing.instances().map(|instance| instance.row()));
+        let placed = (placed, || placing.instances().map(|instance| instance.row()));
         let watch = WriteWatch { cancelled: &self.progress.cancelled, bytes: &self.progress.bytes_written };
         let (file, path) = self.work.container()?;
         let written: Written = container::assemble(&file, &path, rows, placed, chunk_of, &watch)

@@ -14,6 +14,7 @@ use xxhash_rust::xxh3::Xxh3;
 
 use super::encode::refused;
 use super::format::*;
+use super::groups::Groups;
 use super::writer::{Watch, Written};
 use super::{Container, ContainerError};
 use crate::import::{Material, Node};
@@ -92,30 +93,31 @@ fn material_row<'a>(material: &'a Material, names: &mut Names<'a>) -> MaterialRo
 
 /// Writes a file from its first byte to its last and checks its tables; it still needs its name.
 ///
-/// `chunk_of` replaces a buffer by the bytes of the chunk of a part and tier and gives its row; `placed` are as many
-/// instances as it says.
+/// `chunk_of` replaces a buffer by the bytes of the chunk of a part and tier and gives its row; `placed` gives as many
+/// instances as it says, the same each time.
 ///
 /// # Errors
 /// Those of `chunk_of`, what the system refuses, an interruption, and contents that no container can hold.
-pub(crate) fn assemble(
+pub(crate) fn assemble<I: Iterator<Item = InstanceRow>>(
     file: &File,
     path: &Path,
     rows: Rows,
-    placed: (usize, impl Iterator<Item = InstanceRow>),
+    placed: (usize, impl Fn() -> I),
     chunk_of: impl FnMut(u32, u32, &mut Vec<u8>) -> Result<ChunkRow, ContainerError>,
     watch: &Watch<'_>,
 ) -> Result<Written, ContainerError> {
     let io = |cause| ContainerError::Io { doing: "write the container", cause, path: path.to_owned() };
-    let mut sections = Sections::of(&rows, placed.0);
+    let groups = Groups::build(&rows.parts, &placed.1);
+    let mut sections = Sections::of(&rows, placed.0, &groups);
     let mut out = BufWriter::with_capacity(1 << 20, file);
     let payload = write_payload(&mut out, &rows, sections.payload_offset, chunk_of, watch, &io)?;
-    sections.write(&mut out, &rows, &payload.rows, placed.1).map_err(io)?;
+    sections.write(&mut out, &rows, &payload.rows, placed.1(), &groups).map_err(io)?;
     sections.write_header(&mut out, payload.end).map_err(io)?;
     out.flush().map_err(io)?;
     drop(out);
     let written =
         Written { file_bytes: payload.end, table_bytes: sections.payload_offset, chunks: payload.rows.len() };
-    drop((rows, payload));
+    drop((rows, payload, groups));
     check(path, written.file_bytes)?;
     file.sync_all().map_err(io)?;
     watch.stop_if()?;
@@ -160,7 +162,7 @@ struct Sections {
 }
 
 impl Sections {
-    fn of(rows: &Rows, instances: usize) -> Self {
+    fn of(rows: &Rows, instances: usize, groups: &Groups) -> Self {
         let counts = [
             rows.parts.len(),
             rows.chunk_count(),
@@ -168,6 +170,8 @@ impl Sections {
             rows.nodes.len(),
             rows.materials.len(),
             rows.names.len(),
+            groups.rows.len(),
+            groups.members.len(),
         ];
         let mut payload_offset = SECTIONS_START;
         let mut place = |kind: SectionKind, rows: usize| {
@@ -186,15 +190,18 @@ impl Sections {
         rows: &Rows,
         chunks: &[ChunkRow],
         instances: impl Iterator<Item = InstanceRow>,
+        groups: &Groups,
     ) -> io::Result<()> {
-        let [parts, chunk_table, placed, nodes, materials, names] = &mut self.table;
+        let [parts, chunk_table, placed, nodes, materials, names, group_table, members] = &mut self.table;
         out.seek(SeekFrom::Start(parts.offset))?;
         write_section(out, parts, rows.parts.iter().copied())?;
         write_section(out, chunk_table, chunks.iter().copied())?;
         write_section(out, placed, instances)?;
         write_section(out, nodes, rows.nodes.iter().copied())?;
         write_section(out, materials, rows.materials.iter().copied())?;
-        write_section(out, names, rows.names.bytes())
+        write_section(out, names, rows.names.bytes())?;
+        write_section(out, group_table, groups.rows.iter().copied())?;
+        write_section(out, members, groups.members.iter().copied())
     }
 
     fn write_header(&self, out: &mut BufWriter<&File>, file_bytes: u64) -> io::Result<()> {

@@ -1,6 +1,7 @@
 //! Every number in the tables, compared with what holds it. Time follows the tables, never the payload.
 
 use super::ContainerError;
+use super::check_groups::check_groups;
 use super::format::*;
 use crate::geometry::record::{
     Attributes, GRID_BITS, MAX_PART_TRIANGLES, MAX_PART_VERTICES, MAX_SLOTS, Stall,
@@ -14,17 +15,19 @@ pub(super) struct Tables<'a> {
     pub nodes: &'a [NodeRow],
     pub materials: &'a [MaterialRow],
     pub names: &'a str,
+    pub groups: &'a [GroupRow],
+    pub members: &'a [u32],
 }
 
 /// What is wrong with one row, to which the caller adds which row it is.
-type RowCheck = Result<(), String>;
+pub(super) type RowCheck = Result<(), String>;
 
-fn ensure(right: bool, problem: impl FnOnce() -> String) -> RowCheck {
+pub(super) fn ensure(right: bool, problem: impl FnOnce() -> String) -> RowCheck {
     if right { Ok(()) } else { Err(problem()) }
 }
 
 /// Runs a check over the rows of one table and names the first that fails.
-fn check_rows<R>(
+pub(super) fn check_rows<R>(
     word: &str,
     rows: &[R],
     mut check: impl FnMut(usize, &R) -> RowCheck,
@@ -58,6 +61,7 @@ impl Tables<'_> {
         check_rows("instance", self.instances, |index, row| self.check_cells_together(index, row))?;
         check_rows("node", self.nodes, |index, row| self.check_node(index, row))?;
         check_rows("material", self.materials, |_, row| self.check_name(row.name_offset, row.name_bytes))?;
+        check_groups(self)?;
         self.check_payload(header)
     }
 

@@ -1,6 +1,6 @@
 //! The rows of a `.clps` file, version 1, and where they lie: the specification of `docs/format.md` as types.
 //!
-//! All numbers are little-endian. The file is: header, section table, six sections in the order of [`SectionKind`],
+//! All numbers are little-endian. The file is: header, section table, eight sections in the order of [`SectionKind`],
 //! payload chunks in the order of [`payload_order`]; each section and chunk starts at the first multiple of
 //! [`ALIGNMENT`] after what precedes it, and the bytes between are zero.
 
@@ -22,11 +22,13 @@ pub const VERSION: u32 = 1;
 /// Sections and chunks start at multiples of this.
 pub const ALIGNMENT: u64 = 16;
 /// How many sections there are.
-pub const SECTIONS: usize = 6;
+pub const SECTIONS: usize = 8;
 /// Where the first section starts.
 pub const SECTIONS_START: u64 = (size_of::<Header>() + SECTIONS * size_of::<SectionRow>()) as u64;
 /// The most cells on the way from a root cell to a leaf cell.
 pub const MAX_CELL_DEPTH: usize = 16;
+/// The most groups on the way from the first group to a leaf.
+pub const MAX_GROUP_DEPTH: usize = 64;
 /// The parent of a node that has none.
 pub const NO_PARENT: u32 = u32::MAX;
 
@@ -87,12 +89,24 @@ pub enum SectionKind {
     Materials = 5,
     /// The names, one blob of UTF-8; a row is a byte.
     Names = 6,
+    /// [`GroupRow`]s, each before those below it.
+    Groups = 7,
+    /// The instances in the order of the groups' leaves; a row is a u32.
+    Members = 8,
 }
 
 impl SectionKind {
     /// All, in the order of the file.
-    pub const ALL: [Self; SECTIONS] =
-        [Self::Parts, Self::Chunks, Self::Instances, Self::Nodes, Self::Materials, Self::Names];
+    pub const ALL: [Self; SECTIONS] = [
+        Self::Parts,
+        Self::Chunks,
+        Self::Instances,
+        Self::Nodes,
+        Self::Materials,
+        Self::Names,
+        Self::Groups,
+        Self::Members,
+    ];
 
     /// The word for it.
     pub fn name(self) -> &'static str {
@@ -103,6 +117,8 @@ impl SectionKind {
             Self::Nodes => "nodes",
             Self::Materials => "materials",
             Self::Names => "names",
+            Self::Groups => "groups",
+            Self::Members => "members",
         }
     }
 
@@ -115,6 +131,8 @@ impl SectionKind {
             Self::Nodes => size_of::<NodeRow>(),
             Self::Materials => size_of::<MaterialRow>(),
             Self::Names => 1,
+            Self::Groups => size_of::<GroupRow>(),
+            Self::Members => size_of::<u32>(),
         }
     }
 }
@@ -307,6 +325,36 @@ pub struct MaterialRow {
     pub base_colour: [u8; 4],
 }
 
+/// A group of instances that lie near each other, or of smaller groups: selection leaves out all of it at once.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Pod, Zeroable)]
+pub struct GroupRow {
+    /// The low corner of a box around the boxes of all its members, in world space.
+    pub low: [f64; 3],
+    /// The high corner.
+    pub high: [f64; 3],
+    /// No member's bounding circle (half the diagonal of its box) is larger.
+    pub radius: f32,
+    /// Its first member.
+    pub first: u32,
+    /// How many members it has.
+    pub count: u32,
+    /// The first group after it that does not lie below it; the next one for a leaf.
+    pub end: u32,
+}
+
+impl GroupRow {
+    /// Whether nothing lies below it but its members.
+    pub fn is_leaf(&self, own: usize) -> bool {
+        self.end as usize == own + 1
+    }
+
+    /// Its members, as a range of the section of members.
+    pub fn members(&self) -> std::ops::Range<usize> {
+        self.first as usize..self.first as usize + self.count as usize
+    }
+}
+
 /// The order of the chunks in the payload, as (part, tier): the coarsest tier of every part, then the second coarsest
 /// of every part that has one, and so on; parts by index within each.
 ///
@@ -333,13 +381,14 @@ mod tests {
         assert_eq!(size_of::<Header>(), 64);
         assert_eq!(offset_of!(Header, header_checksum), 56);
         assert_eq!(size_of::<SectionRow>(), 32);
-        assert_eq!(SECTIONS_START, 256);
-        assert_eq!(SectionKind::ALL.map(SectionKind::row_bytes), [128, 32, 112, 16, 16, 1]);
+        assert_eq!(SECTIONS_START, 320);
+        assert_eq!(SectionKind::ALL.map(SectionKind::row_bytes), [128, 32, 112, 16, 16, 1, 64, 4]);
         assert_eq!(offset_of!(PartRow, vertices), 56);
         assert_eq!(offset_of!(PartRow, name_offset), 72);
         assert_eq!(offset_of!(PartRow, errors), 96);
         assert_eq!(offset_of!(PartRow, stall), 112);
         assert_eq!(offset_of!(InstanceRow, world_from_part), 16);
+        assert_eq!(offset_of!(GroupRow, radius), 48);
     }
 
     #[test]

@@ -22,6 +22,8 @@ pub struct Container<'a> {
     nodes: &'a [NodeRow],
     materials: &'a [MaterialRow],
     names: &'a str,
+    groups: &'a [GroupRow],
+    members: &'a [u32],
 }
 
 impl<'a> Container<'a> {
@@ -48,7 +50,7 @@ impl<'a> Container<'a> {
         let sections = read_section_table(bytes, &header)?;
         let mut next = SECTIONS_START;
         let mut section = |row: &SectionRow, kind| section_bytes(bytes, &header, row, kind, &mut next);
-        let [parts, chunks, instances, nodes, materials, names] = &sections;
+        let [parts, chunks, instances, nodes, materials, names, groups, members] = &sections;
         let tables = Tables {
             parts: cast(section(parts, SectionKind::Parts)?)?,
             chunks: cast(section(chunks, SectionKind::Chunks)?)?,
@@ -56,6 +58,8 @@ impl<'a> Container<'a> {
             nodes: cast(section(nodes, SectionKind::Nodes)?)?,
             materials: cast(section(materials, SectionKind::Materials)?)?,
             names: text(section(names, SectionKind::Names)?)?,
+            groups: cast(section(groups, SectionKind::Groups)?)?,
+            members: cast(section(members, SectionKind::Members)?)?,
         };
         if next != header.payload_offset {
             return Err(malformed(
@@ -64,8 +68,20 @@ impl<'a> Container<'a> {
             ));
         }
         tables.check(&header)?;
-        let Tables { parts, chunks, instances, nodes, materials, names } = tables;
-        Ok(Self { bytes, header, sections, parts, chunks, instances, nodes, materials, names })
+        let Tables { parts, chunks, instances, nodes, materials, names, groups, members } = tables;
+        Ok(Self {
+            bytes,
+            header,
+            sections,
+            parts,
+            chunks,
+            instances,
+            nodes,
+            materials,
+            names,
+            groups,
+            members,
+        })
     }
 
     /// How many bytes precede the payload, by the first bytes of a file: those before the first section, if it has so
@@ -113,6 +129,16 @@ impl<'a> Container<'a> {
     /// The assembly tree, parents before children.
     pub fn nodes(&self) -> &'a [NodeRow] {
         self.nodes
+    }
+
+    /// The groups of instances, each before those below it; the first holds all.
+    pub fn groups(&self) -> &'a [GroupRow] {
+        self.groups
+    }
+
+    /// All instances, in the order in which groups hold them.
+    pub fn members(&self) -> &'a [u32] {
+        self.members
     }
 
     /// The materials.

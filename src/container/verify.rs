@@ -9,7 +9,8 @@ use rayon::prelude::*;
 use super::ContainerError;
 use super::chunk::{ChunkSpec, ChunkView};
 use super::finding::Findings;
-use super::format::{PartRow, aligned};
+use super::format::{GroupRow, PartRow, aligned};
+use super::groups::{corners, radius};
 use super::reader::{Container, join};
 use crate::geometry::record::Attributes;
 use crate::geometry::{OrderedPart, OrderedTier, VertexRecord};
@@ -54,7 +55,7 @@ pub fn verify(container: &Container) -> Result<VerifyReport, ContainerError> {
 
 /// Checks the whole payload and collects what is wrong, the same lines from any number of threads.
 pub fn inspect(container: &Container) -> VerifyReport {
-    let mut report = VerifyReport::default();
+    let mut report = VerifyReport { findings: inspect_groups(container), ..VerifyReport::default() };
     let parts: Vec<usize> = (0..container.parts().len()).collect();
     for batch in parts.chunks(BATCH) {
         let found: Vec<_> = batch.par_iter().map(|&part| inspect_part(container, part)).collect();
@@ -69,6 +70,26 @@ pub fn inspect(container: &Container) -> VerifyReport {
         }
     }
     report
+}
+
+/// Members that lie outside the box of their leaf, or are larger than its largest.
+fn inspect_groups(container: &Container) -> Vec<String> {
+    let mut findings = Findings::new(String::new(), MAX_FINDINGS);
+    let leaves = container.groups().iter().enumerate().filter(|(index, row)| row.is_leaf(*index));
+    for (index, row) in leaves {
+        findings.set_place(format!("group {index}"));
+        for &number in &container.members()[row.members()] {
+            let [low, high] = corners(container.parts(), &container.instances()[number as usize]);
+            findings
+                .expect(holds(row, low, high), || format!("it does not hold the box of instance {number}"));
+        }
+    }
+    findings.into_lines().collect()
+}
+
+fn holds(row: &GroupRow, low: [f64; 3], high: [f64; 3]) -> bool {
+    let reaches = |axis: usize| row.low[axis] <= low[axis] && high[axis] <= row.high[axis];
+    (0..3).all(reaches) && radius(low, high) <= row.radius
 }
 
 /// What is wrong with one part: its chunks alone and, if nothing is, together.

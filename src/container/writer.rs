@@ -102,7 +102,7 @@ pub fn write(path: &Path, contents: &Contents, cancelled: &AtomicBool) -> Result
         contents.parts.iter().map(|part| (part_row(&part.part, part.cell), &part.name[..], part.source));
     let rows = Rows::new(parts, &contents.nodes, &contents.materials)?;
     let file = temporary_beside(path)?;
-    let placed = (contents.instances.len(), contents.instances.iter().map(StoredInstance::row));
+    let placed = (contents.instances.len(), || contents.instances.iter().map(StoredInstance::row));
     let chunk_of = |part: u32, tier: u32, out: &mut Vec<u8>| {
         Ok(encode_chunk(&contents.parts[part as usize].part, tier as usize, out))
     };

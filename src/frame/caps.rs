@@ -13,8 +13,9 @@ use crate::stream::gather::StreamedLayout;
 use crate::stream::residency::ResidencyOptions;
 use crate::stream::staging::LEAST_SLOT_BYTES;
 
-/// Bytes of memory for each instance beside the tables: two states, its wish and what was granted, its row for selection.
-const BYTES_PER_INSTANCE: u64 = 2 * size_of::<State>() as u64 + 24 + size_of::<SelectRow>() as u64;
+/// Bytes of memory for each instance beside the tables: two states, its wish and what was granted, its row for selection,
+/// and what is tested of it in the order of the groups (`select/cull.rs`).
+const BYTES_PER_INSTANCE: u64 = 2 * size_of::<State>() as u64 + 24 + size_of::<SelectRow>() as u64 + 36;
 /// Bytes of memory for each part beside the tables: what is held of it, when it was wanted, its place in a list.
 const BYTES_PER_PART: u64 = 16;
 /// Under a cap on GPU memory a frame sends so much of it at most.
@@ -146,7 +147,7 @@ impl Renderer {
                 return Ok(());
             }
             let view = self.select_view(camera);
-            if self.wishes.update(&self.gpu, &view)? {
+            if self.wishes.update(&self.gpu, &self.scene, &view, true)? {
                 record.compute_passes += 1;
             }
             self.residency(camera, record)?;

@@ -161,6 +161,12 @@ shared! {
         pub dead_band: f32,
         /// Zero: what the compiler must not know (`shaders/shared/power.wgsl`).
         pub zero: u32,
+        /// Instances that are looked at.
+        pub candidate_count: u32,
+        /// Instances that were looked at the last time.
+        pub previous_count: u32,
+        /// Zero.
+        pub padding: [u32; 2],
     }
 
     /// An instance between the kernels of a selection; all zeros if it is culled.

@@ -1,4 +1,4 @@
-//! Rows of instances and a view in, wished budgets out.
+//! Rows of instances, the candidates among them and a view in, wished budgets out.
 
 use super::{GROUP, INDEX, POWER, PrefixSum, SATURATE, Scratch};
 use crate::gpu::layout::{SelectParams, SelectState, Weighed};
@@ -15,13 +15,17 @@ pub const SHADER: Shader = Shader {
     name: "select",
     pieces: &[INDEX, SATURATE, POWER, include_str!("../../shaders/select.wgsl")],
     kernels: &[
-        KernelLayout { name: "select_weigh", bindings: &[uniform(0), read(1), read(2), write(3), write(4)] },
+        KernelLayout {
+            name: "select_weigh",
+            bindings: &[uniform(0), read(1), read(2), write(3), write(4), read(9)],
+        },
+        KernelLayout { name: "select_clear", bindings: &[uniform(0), write(8), read(10)] },
         KernelLayout { name: "select_spend", bindings: &[uniform(0), write(3), write(4), write(5)] },
         KernelLayout { name: "select_narrow", bindings: &[uniform(0), write(4), write(5)] },
         KernelLayout { name: "select_jump", bindings: &[uniform(0), write(3), write(4), write(6)] },
         KernelLayout {
             name: "select_deal",
-            bindings: &[uniform(0), write(3), write(4), write(6), read(7), write(8)],
+            bindings: &[uniform(0), write(3), write(4), write(6), read(7), write(8), read(9), write(11)],
         },
     ],
 };
@@ -31,16 +35,21 @@ pub const SHADER: Shader = Shader {
 pub struct SelectBuffers<'a> {
     /// One [`crate::gpu::layout::SelectRow`] an instance.
     pub rows: &'a wgpu::Buffer,
-    /// The wishes of the last frame, one u32 an instance; may be the same buffer as `wish`.
-    pub old: &'a wgpu::Buffer,
-    /// The wished vertex counts, one u32 an instance; 0 for a culled one.
-    pub wish: &'a wgpu::Buffer,
+    /// The instances to look at, ascending, one u32 each: all that are not culled, at least.
+    pub candidates: &'a wgpu::Buffer,
+    /// The candidates of the last time, one u32 each.
+    pub previous: &'a wgpu::Buffer,
+    /// The wished vertex counts, one u32 an instance: of the last time before, and of this time after. 0 for all but the
+    /// candidates.
+    pub wishes: &'a wgpu::Buffer,
+    /// The wished vertex counts of the candidates alone, one u32 each.
+    pub found: &'a wgpu::Buffer,
 }
 
 /// The pass, with what it needs in between.
 #[derive(Debug)]
 pub struct Select {
-    kernels: [Kernel; 5],
+    kernels: [Kernel; 6],
     weighed: Scratch,
     state: Scratch,
     partials: Scratch,
@@ -73,7 +82,7 @@ impl Select {
     /// Records a selection; the wishes are those of [`crate::reference::select::select`].
     ///
     /// # Errors
-    /// That the adapter allows no buffer for that many instances.
+    /// That the adapter allows no buffer for that many candidates.
     pub fn record(
         &mut self,
         gpu: &Gpu,
@@ -82,23 +91,26 @@ impl Select {
         params: &SelectParams,
         buffers: &SelectBuffers<'_>,
     ) -> Result<(), GpuError> {
-        let count = params.instance_count;
+        let count = params.candidate_count;
         let groups = count.div_ceil(GROUP);
         let between = self.between(gpu, count)?;
         let Between { weighed, state, partials, jumps, jump_start } = &between;
         let uniform = &gpu.uniform("select", params);
-        let [weigh, spend, narrow, jump, deal] = &self.kernels;
+        let [weigh, clear, spend, narrow, jump, deal] = &self.kernels;
+        let SelectBuffers { rows, candidates, previous, wishes, found } = buffers;
+        weigh.dispatch(gpu, pass, &[uniform, rows, wishes, weighed, state, candidates], groups);
+        clear.dispatch(gpu, pass, &[uniform, wishes, previous], params.previous_count.div_ceil(GROUP));
         if count == 0 {
             return Ok(());
         }
-        weigh.dispatch(gpu, pass, &[uniform, buffers.rows, buffers.old, weighed, state], groups);
         for _ in 0..ROUNDS {
             spend.dispatch(gpu, pass, &[uniform, weighed, state, partials], groups);
             narrow.dispatch(gpu, pass, &[uniform, state, partials], 1);
         }
         jump.dispatch(gpu, pass, &[uniform, weighed, state, jumps], groups);
         prefix_sum.record(gpu, pass, jumps, count, jump_start)?;
-        deal.dispatch(gpu, pass, &[uniform, weighed, state, jumps, jump_start, buffers.wish], groups);
+        let dealt = [uniform, weighed, state, jumps, jump_start, wishes, candidates, found];
+        deal.dispatch(gpu, pass, &dealt, groups);
         Ok(())
     }
 

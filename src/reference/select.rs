@@ -14,7 +14,7 @@ use crate::scene::camera::split_f64;
 
 /// The bits of the greatest factor: 2^80, which takes the least weight (2^-40) above every ceiling, and the greatest
 /// (2^40) not beyond f32.
-const MAX_LAMBDA: u32 = 0x6780_0000;
+pub(crate) const MAX_LAMBDA: u32 = 0x6780_0000;
 /// Weights are 2 to the power of this at most, and of its negative at least.
 const MAX_LOG2_WEIGHT: f32 = 40.0;
 /// Responses are at most this: above any ceiling, and exact in f32.
@@ -53,7 +53,7 @@ pub fn split(value: [f64; 3]) -> ([f32; 3], [f32; 3]) {
 }
 
 impl SelectView {
-    /// The uniform of the pass, for this many instances.
+    /// The uniform of the pass, for this many instances, which are all candidates.
     pub fn params(&self, instance_count: u32) -> SelectParams {
         let (eye_high, eye_low) = split(self.eye);
         // With nothing to cull, below any logarithm that can come out.
@@ -73,6 +73,9 @@ impl SelectView {
             // At 1 a factor of zero would keep everything where it is.
             dead_band: self.dead_band.clamp(0.0, 0.99),
             zero: 0,
+            candidate_count: instance_count,
+            previous_count: 0,
+            padding: [0; 2],
         }
     }
 }
@@ -105,7 +108,6 @@ fn sampled_count(ceiling: u32, j: usize) -> u32 {
 
 /// How near an instance is, and how large in the picture.
 struct Seen {
-    centre: [f32; 3],
     log2_distance2: f32,
     log2_area: f32,
 }
@@ -116,7 +118,7 @@ fn see(row: &SelectRow, params: &SelectParams) -> Seen {
     // Nearer than a tenth of the radius counts as there, inside or not.
     let log2_distance2 = log2((dot(centre, centre) - radius2).max(radius2 * 0.01));
     let log2_area = (params.log2_area_scale + log2(radius2)) - log2_distance2;
-    Seen { centre, log2_distance2, log2_area }
+    Seen { log2_distance2, log2_area }
 }
 
 /// A parent weighs as much as its cells would if each had its share of the area.
@@ -162,14 +164,21 @@ fn error_ceiling(row: &SelectRow, params: &SelectParams, log2_distance: f32) -> 
     (0..ERROR_SAMPLES).rev().find(allowed).map_or(row.ceiling, |j| sampled_count(row.ceiling, j))
 }
 
+/// Whether an instance lies outside the view or is too small in it.
+pub fn is_culled(row: &SelectRow, params: &SelectParams) -> bool {
+    outside_frustum(centre_from_eye(row, params), row.half_extent, &params.planes)
+        || see(row, params).log2_area < params.log2_area_min
+}
+
 /// Culls and weighs the instance of a row; all zeros if it is culled. `old` has the last budgets, one a row.
 pub fn weigh(rows: &[SelectRow], index: usize, params: &SelectParams, old: &[u32]) -> Weighed {
+    if is_culled(&rows[index], params) { Weighed::default() } else { weigh_seen(rows, index, params, old) }
+}
+
+/// As [`weigh`], of an instance that is not culled.
+pub(crate) fn weigh_seen(rows: &[SelectRow], index: usize, params: &SelectParams, old: &[u32]) -> Weighed {
     let row = &rows[index];
     let seen = see(row, params);
-    if outside_frustum(seen.centre, row.half_extent, &params.planes) || seen.log2_area < params.log2_area_min
-    {
-        return Weighed::default();
-    }
     let ceiling = match params.error_limited {
         0 => row.ceiling,
         _ => error_ceiling(row, params, seen.log2_distance2 * 0.5).max(row.floor.min(row.ceiling)),
@@ -187,7 +196,7 @@ pub fn weigh(rows: &[SelectRow], index: usize, params: &SelectParams, old: &[u32
 }
 
 /// Whether an instance is drawn at a factor, rather than its parent cell or its children.
-fn is_drawn(item: &Weighed, lambda: f32) -> bool {
+pub(crate) fn is_drawn(item: &Weighed, lambda: f32) -> bool {
     item.open <= lambda && lambda < item.close
 }
 

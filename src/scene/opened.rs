@@ -12,7 +12,9 @@ use super::bounds::Bounds;
 use super::file::PayloadFile;
 use super::mapped::MapError;
 use super::part::Chunk;
-use crate::container::{ChunkRow, ChunkSpec, Container, ContainerError, InstanceRow, PartRow, SectionKind};
+use crate::container::{
+    ChunkRow, ChunkSpec, Container, ContainerError, Groups, InstanceRow, PartRow, SectionKind,
+};
 use crate::import::Colour;
 
 /// Why a container cannot be drawn.
@@ -43,6 +45,7 @@ pub struct Scene {
     instances: Range<usize>,
     colours: Vec<Colour>,
     boxes: Vec<InstanceBox>,
+    groups: Groups,
     bounds: Bounds,
     has_parents: bool,
 }
@@ -91,7 +94,8 @@ impl Scene {
         let has_parents = all.iter().any(PartRow::is_parent);
         let [parts, chunks, instances] = [SectionKind::Parts, SectionKind::Chunks, SectionKind::Instances]
             .map(|kind| container.section_range(kind));
-        Ok(Self { has_parents, parts, chunks, instances, colours, boxes, bounds, tables, file })
+        let groups = Groups::of(&container);
+        Ok(Self { has_parents, groups, parts, chunks, instances, colours, boxes, bounds, tables, file })
     }
 
     /// The container's name, without its folder.
@@ -125,7 +129,8 @@ impl Scene {
 
     /// Bytes of memory that it holds.
     pub fn bytes_held(&self) -> u64 {
-        (size_of_val(self.tables.as_slice()) + size_of_val(self.boxes.as_slice())) as u64
+        let groups = size_of_val(self.groups.rows.as_slice()) + size_of_val(self.groups.members.as_slice());
+        (size_of_val(self.tables.as_slice()) + size_of_val(self.boxes.as_slice()) + groups) as u64
     }
 
     /// The placements of parts.
@@ -171,6 +176,11 @@ impl Scene {
     /// The world-space box of every instance.
     pub fn boxes(&self) -> &[InstanceBox] {
         &self.boxes
+    }
+
+    /// The groups of all instances.
+    pub fn groups(&self) -> &Groups {
+        &self.groups
     }
 
     /// The box of everything.
@@ -230,7 +240,8 @@ fn read_tables(file: &PayloadFile) -> Result<Vec<u64>, SceneError> {
     Ok(words)
 }
 
-fn instance_box(part: &PartRow, instance: &InstanceRow) -> InstanceBox {
+/// The world-space box of a placement of a part.
+pub fn instance_box(part: &PartRow, instance: &InstanceRow) -> InstanceBox {
     let [low, high] = part.bounds().map(DVec3::from);
     let transform = instance.transform();
     let half = (high - low) * 0.5;

@@ -1,22 +1,25 @@
 //! A camera and a budget in, the wished vertex count of every instance out.
 //!
 //! The maths is the closed form of the paper (section 5.1, equation 1) with clamping: see `reference::select`. The same
-//! rows and the same uniform serve the GPU pass and the CPU.
+//! rows, candidates and uniform serve the GPU pass and the CPU. Only candidates are looked at and only wishes that were above
+//! 0 are cleared, so that a frame costs what its view shows.
 
+use super::cull::Cull;
+use super::on_gpu::GpuSelect;
+use super::spend::spend;
+use crate::container::PartRow;
 use crate::geometry::record::MAX_PART_VERTICES;
 use crate::gpu::layout::{NO_PARENT_ROW, SelectRow};
-use crate::gpu::{Gpu, GpuError, readback};
-use crate::passes::select::SelectBuffers;
-use crate::passes::{PrefixSum, Select};
+use crate::gpu::{Gpu, GpuError};
 use crate::reference::select::{SelectView, split};
-use crate::scene::Scene;
+use crate::scene::{InstanceBox, Scene};
 
 /// Where budgets are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, clap::ValueEnum)]
 pub enum SelectOn {
-    /// On the CPU, by the reference.
+    /// On the CPU, on all cores.
     Cpu,
-    /// On the GPU, read back in the same frame.
+    /// On the GPU; read back in the same frame, or in a later one where frames do not wait.
     #[default]
     Gpu,
 }
@@ -36,18 +39,13 @@ pub struct Wishes {
     rows: Vec<SelectRow>,
     wishes: Vec<u32>,
     visible: Vec<u32>,
-    gpu: Option<OnGpu>,
-}
-
-struct OnGpu {
-    pass: Select,
-    prefix_sum: PrefixSum,
-    rows: wgpu::Buffer,
-    wishes: wgpu::Buffer,
+    cull: Cull,
+    gpu: Option<GpuSelect>,
 }
 
 impl Wishes {
-    /// Makes the rows, and for [`SelectOn::Gpu`] uploads them.
+    /// Makes the rows, and for [`SelectOn::Gpu`] uploads them, if there are not more than the adapter can bind: then the CPU
+    /// finds the same wishes.
     ///
     /// # Errors
     /// The adapter has no room for the rows.
@@ -55,10 +53,18 @@ impl Wishes {
         let rows = select_rows(scene);
         let wishes = vec![0; rows.len()];
         let gpu = match on {
+            SelectOn::Gpu if GpuSelect::fits(gpu, rows.len()) => Some(GpuSelect::new(gpu, &rows)?),
+            SelectOn::Gpu => {
+                tracing::warn!(
+                    instances = rows.len(),
+                    "more than the adapter can bind: selecting on the CPU"
+                );
+                None
+            }
             SelectOn::Cpu => None,
-            SelectOn::Gpu => Some(OnGpu::new(gpu, &rows)?),
         };
-        Ok(Self { rows, wishes, visible: Vec::new(), gpu })
+        let cull = Cull::new(scene.groups(), &rows);
+        Ok(Self { rows, wishes, visible: Vec::new(), cull, gpu })
     }
 
     /// The wishes of the last [`Wishes::update`], one an instance; 0 for a culled one.
@@ -71,86 +77,90 @@ impl Wishes {
         &self.visible
     }
 
-    /// Computes the wishes for a view; the last ones are what its dead band holds on to. Returns whether the GPU did.
+    /// Computes the wishes for a view of the scene that this was made for; the last ones are what its dead band holds on to.
+    /// Returns whether the GPU did. Without `wait` the GPU's wishes may be those of a view some frames ago.
     ///
     /// # Errors
     /// Whatever went wrong on the device.
-    pub fn update(&mut self, gpu: &Gpu, view: &SelectView) -> Result<bool, GpuError> {
+    pub fn update(
+        &mut self,
+        gpu: &Gpu,
+        scene: &Scene,
+        view: &SelectView,
+        wait: bool,
+    ) -> Result<bool, GpuError> {
         let params = view.params(self.rows.len() as u32);
-        match &mut self.gpu {
-            None => self.wishes = crate::reference::select::select(&self.rows, &params, &self.wishes),
-            Some(on_gpu) => self.wishes = on_gpu.update(gpu, &params, self.rows.len() as u32)?,
+        let candidates = self.cull.find(scene.groups(), &params);
+        let found = match &mut self.gpu {
+            None => {
+                let spent = spend(&self.rows, candidates, &params, &self.wishes);
+                Some((candidates.to_vec(), spent))
+            }
+            Some(on_gpu) => on_gpu.update(gpu, &params, candidates, wait)?,
+        };
+        if let Some((instances, wishes)) = found {
+            self.set(&instances, &wishes);
         }
-        self.visible.clear();
-        self.visible.extend((0..).zip(&self.wishes).filter(|&(_, &wish)| wish > 0).map(|(number, _)| number));
         Ok(self.gpu.is_some())
+    }
+
+    /// Takes in what the GPU has found since the last [`Wishes::update`]. Returns whether wishes may have changed, or
+    /// something is still under way.
+    ///
+    /// # Errors
+    /// Whatever went wrong on the device.
+    pub fn receive(&mut self, gpu: &Gpu) -> Result<bool, GpuError> {
+        let Some(on_gpu) = &mut self.gpu else { return Ok(false) };
+        let found = on_gpu.receive(gpu, false)?;
+        let is_late = found.is_some() || on_gpu.is_busy();
+        if let Some((instances, wishes)) = found {
+            self.set(&instances, &wishes);
+        }
+        Ok(is_late)
+    }
+
+    /// Sets the wishes of these instances, ascending; all others are 0.
+    fn set(&mut self, instances: &[u32], wishes: &[u32]) {
+        for instance in self.visible.drain(..) {
+            self.wishes[instance as usize] = 0;
+        }
+        for (&instance, &wish) in instances.iter().zip(wishes).filter(|&(_, &wish)| wish > 0) {
+            self.wishes[instance as usize] = wish;
+            self.visible.push(instance);
+        }
     }
 
     /// Bytes of GPU memory.
     pub fn gpu_bytes(&self) -> u64 {
-        self.gpu.as_ref().map_or(0, |gpu| {
-            gpu.rows.size() + gpu.wishes.size() + gpu.pass.size_bytes() + gpu.prefix_sum.size_bytes()
-        })
-    }
-}
-
-impl OnGpu {
-    fn new(gpu: &Gpu, rows: &[SelectRow]) -> Result<Self, GpuError> {
-        let buffer = gpu.storage("select_rows", std::mem::size_of_val(rows).max(64) as u64)?;
-        gpu.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(rows));
-        let counts = 4 * rows.len().max(1) as u64;
-        Ok(Self {
-            pass: Select::new(gpu),
-            prefix_sum: PrefixSum::new(gpu),
-            rows: buffer,
-            wishes: gpu.storage("select_wishes", counts)?,
-        })
-    }
-
-    fn update(
-        &mut self,
-        gpu: &Gpu,
-        params: &crate::gpu::layout::SelectParams,
-        count: u32,
-    ) -> Result<Vec<u32>, GpuError> {
-        if count == 0 {
-            return Ok(Vec::new());
-        }
-        let mut encoder = gpu.encoder("select");
-        {
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: Some("select"),
-                timestamp_writes: None,
-            });
-            let buffers = SelectBuffers { rows: &self.rows, old: &self.wishes, wish: &self.wishes };
-            self.pass.record(gpu, &mut pass, &mut self.prefix_sum, params, &buffers)?;
-        }
-        gpu.submit(encoder)?;
-        readback::read_values(gpu, &self.wishes, count as usize)
+        self.gpu.as_ref().map_or(0, GpuSelect::size_bytes)
     }
 }
 
 /// What selection knows of every instance of a scene, in order.
 pub fn select_rows(scene: &Scene) -> Vec<SelectRow> {
-    let instances = scene.instances().iter().zip(scene.boxes()).enumerate();
+    let instances = scene.instances().iter().zip(scene.boxes()).zip(0..);
     instances
-        .map(|(number, (instance, bounds))| {
-            let part = &scene.parts()[instance.part as usize];
-            let (centre_high, centre_low) = split(bounds.centre.to_array());
-            // The container has checked that both are at most 65,536.
-            debug_assert!(part.vertices as usize <= MAX_PART_VERTICES);
-            SelectRow {
-                centre_high,
-                floor: part.locked,
-                centre_low,
-                ceiling: part.vertices,
-                half_extent: bounds.half_extent.as_vec3().to_array(),
-                error_scale: bounds.diagonal as f32,
-                errors: bytemuck::cast(part.errors),
-                parent: scene.parent_instance(number as u32).unwrap_or(NO_PARENT_ROW),
-                log2_cells: (part.leaf_cells.max(1) as f32).log2(),
-                padding: [0; 2],
-            }
+        .map(|((instance, bounds), number)| {
+            select_row(&scene.parts()[instance.part as usize], bounds, scene.parent_instance(number))
         })
         .collect()
+}
+
+/// What selection knows of a placement of a part, with its box and the instance of its parent cell.
+pub fn select_row(part: &PartRow, bounds: &InstanceBox, parent: Option<u32>) -> SelectRow {
+    let (centre_high, centre_low) = split(bounds.centre.to_array());
+    // The container has checked that both are at most 65,536.
+    debug_assert!(part.vertices as usize <= MAX_PART_VERTICES);
+    SelectRow {
+        centre_high,
+        floor: part.locked,
+        centre_low,
+        ceiling: part.vertices,
+        half_extent: bounds.half_extent.as_vec3().to_array(),
+        error_scale: bounds.diagonal as f32,
+        errors: bytemuck::cast(part.errors),
+        parent: parent.unwrap_or(NO_PARENT_ROW),
+        log2_cells: (part.leaf_cells.max(1) as f32).log2(),
+        padding: [0; 2],
+    }
 }

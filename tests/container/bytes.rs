@@ -65,11 +65,11 @@ impl Aligned {
             }
         }
         for (index, range) in
-            (0..6).filter_map(|index| self.section(index).map(|range| (index, range))).collect::<Vec<_>>()
+            (0..8).filter_map(|index| self.section(index).map(|range| (index, range))).collect::<Vec<_>>()
         {
             self.set_u64(64 + 32 * index + 24, xxh3_64(&self.get()[range]));
         }
-        self.set_u64(48, xxh3_64(&self.get()[64..256]));
+        self.set_u64(48, xxh3_64(&self.get()[64..320]));
         self.set_u64(56, xxh3_64(&self.get()[..56]));
     }
 }

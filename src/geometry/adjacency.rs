@@ -38,19 +38,22 @@ struct Sides<'a> {
 impl<'a> Sides<'a> {
     fn of(wedge_position: &'a [u32], triangles: &'a [[u32; 3]]) -> Self {
         let mut sides = Self { wedge_position, triangles, starts: Vec::new(), far: Vec::new() };
-        let edges = 0..3 * triangles.len() as u32;
         let positions = wedge_position.iter().max().map_or(0, |&last| last as usize + 1);
+        // The ends of a triangle's three edges, the smaller first.
+        let ends = |triangle: &[u32; 3]| {
+            let [a, b, c] = triangle.map(|wedge| wedge_position[wedge as usize]);
+            [[a, b], [b, c], [c, a]].map(|[a, b]| [a.min(b), a.max(b)])
+        };
         // Counting sort by the smaller end. Two entries ahead, so that placing leaves each start where it belongs.
         let mut starts = vec![0u32; positions + 2];
-        for edge in edges.clone() {
-            starts[sides.side(edge).0[0] as usize + 2] += 1;
+        for [near, _] in triangles.iter().flat_map(ends) {
+            starts[near as usize + 2] += 1;
         }
         for i in 2..starts.len() {
             starts[i] += starts[i - 1];
         }
         sides.far = vec![0; 3 * triangles.len()];
-        for edge in edges {
-            let [near, far] = sides.side(edge).0;
+        for ([near, far], edge) in triangles.iter().flat_map(ends).zip(0u32..) {
             let place = &mut starts[near as usize + 1];
             sides.far[*place as usize] = u64::from(far) << 32 | u64::from(edge);
             *place += 1;

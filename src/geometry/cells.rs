@@ -62,26 +62,32 @@ fn wedge_count(mesh: &WeldedMesh, piece: &[u32], last_count: &mut [u32], this: u
 
 /// Keeps the lower half of a piece and returns the upper.
 fn halve(mesh: &WeldedMesh, piece: &mut Vec<u32>) -> Vec<u32> {
-    let cut =
-        (0..3).filter_map(|axis| Slabs::of(mesh, piece, axis)?.best_cut()).min_by_key(|cut| cut.reaching);
+    let slabs = Slabs::along_axes(mesh, piece);
+    let cut = slabs.iter().flatten().filter_map(Slabs::best_cut).min_by_key(|cut| cut.reaching);
     let Some(cut) = cut else {
         // All in one slab along every axis: any half is as good as the other.
         return piece.split_off(piece.len() / 2);
     };
     // Both keep the order of the mesh, which runs along the surface.
-    let (lower, upper) = piece.iter().partition(|&&triangle| centroid(mesh, triangle, cut.axis) < cut.at);
+    let (lower, upper) = piece.iter().partition(|&&triangle| {
+        let [a, b, c] = corners(mesh, triangle).map(|corner| corner[cut.axis]);
+        a + b + c < cut.at
+    });
     *piece = lower;
     upper
 }
 
-/// Three times a coordinate of a triangle's centroid, in grid steps.
-fn centroid(mesh: &WeldedMesh, triangle: u32, axis: usize) -> u32 {
-    corners(mesh, triangle, axis).iter().sum()
+/// The corners of a triangle, in grid steps.
+fn corners(mesh: &WeldedMesh, triangle: u32) -> [[u32; 3]; 3] {
+    mesh.corner_positions(mesh.triangles[triangle as usize]).map(|position| mesh.positions[position as usize])
 }
 
-fn corners(mesh: &WeldedMesh, triangle: u32, axis: usize) -> [u32; 3] {
-    let corners = mesh.corner_positions(mesh.triangles[triangle as usize]);
-    corners.map(|position| mesh.positions[position as usize][axis])
+/// Along each axis the least and greatest coordinate of some points, and their sum.
+fn spans([a, b, c]: [[u32; 3]; 3]) -> [[u32; 3]; 3] {
+    [0, 1, 2].map(|axis| {
+        let [a, b, c] = [a[axis], b[axis], c[axis]];
+        [a.min(b).min(c), a.max(b).max(c), a + b + c]
+    })
 }
 
 /// Slabs of equal width along an axis that centroids are counted in.
@@ -109,24 +115,36 @@ struct Cut {
 }
 
 impl Slabs {
-    /// `None` if all centroids have the same coordinate.
-    fn of(mesh: &WeldedMesh, piece: &[u32], axis: usize) -> Option<Self> {
-        let centroids = piece.iter().map(|&triangle| centroid(mesh, triangle, axis));
-        let (low, high) = centroids.fold((u32::MAX, 0), |(low, high), at| (low.min(at), high.max(at)));
-        if low >= high {
-            return None;
-        }
-        let width = (high - low) / SLABS as u32 + 1;
-        let mut slabs = Self { axis, low, width, centroids: [0; SLABS], reaching: [0; SLABS + 1] };
+    /// Along every axis; `None` where all centroids have the same coordinate.
+    fn along_axes(mesh: &WeldedMesh, piece: &[u32]) -> [Option<Self>; 3] {
+        let mut range = [[u32::MAX, 0]; 3];
         for &triangle in piece {
-            let corners = corners(mesh, triangle, axis);
-            slabs.centroids[slabs.slab(corners.iter().sum())] += 1;
-            let [least, greatest] =
-                [corners.iter().min(), corners.iter().max()].map(|corner| 3 * corner.unwrap_or(&0));
-            slabs.reaching[slabs.slab(least) + 1] += 1;
-            slabs.reaching[slabs.slab(greatest) + 1] -= 1;
+            for ([low, high], [_, _, sum]) in range.iter_mut().zip(spans(corners(mesh, triangle))) {
+                (*low, *high) = ((*low).min(sum), (*high).max(sum));
+            }
         }
-        Some(slabs)
+        let mut slabs = [0, 1, 2].map(|axis| Self::empty(axis, range[axis]));
+        for &triangle in piece {
+            let spans = spans(corners(mesh, triangle));
+            for (slabs, span) in
+                slabs.iter_mut().zip(spans).filter_map(|(slabs, span)| Some((slabs.as_mut()?, span)))
+            {
+                slabs.count(span);
+            }
+        }
+        slabs
+    }
+
+    fn empty(axis: usize, [low, high]: [u32; 2]) -> Option<Self> {
+        let width = high.checked_sub(low).filter(|&extent| extent > 0)? / SLABS as u32 + 1;
+        Some(Self { axis, low, width, centroids: [0; SLABS], reaching: [0; SLABS + 1] })
+    }
+
+    fn count(&mut self, [least, greatest, sum]: [u32; 3]) {
+        let [least, greatest, middle] = [3 * least, 3 * greatest, sum].map(|at| self.slab(at));
+        self.centroids[middle] += 1;
+        self.reaching[least + 1] += 1;
+        self.reaching[greatest + 1] -= 1;
     }
 
     fn slab(&self, at: u32) -> usize {

@@ -32,11 +32,14 @@ pub fn by_crease_angle(mesh: &mut SourceMesh, crease_degrees: f32) {
     let faces = Faces::of(mesh);
     let corners = CornersByPosition::new(&mesh.triangles, &positions);
     let cos_crease = f64::from(crease_degrees).to_radians().cos();
-    let mut normals = vec![[0.0; 3]; mesh.triangles.len() * 3];
+    let mut split = Split::new(mesh);
+    let mut normals = Vec::new();
     for around in corners.iter() {
+        normals.clear();
         smooth(around, &faces, cos_crease, &mut normals);
+        split.add(around, &normals);
     }
-    split(mesh, &positions, &normals);
+    split.finish(mesh);
 }
 
 /// Numbers positions so that bit-equal ones (and the two zeros) have one number.
@@ -114,14 +117,22 @@ impl CornersByPosition {
 }
 
 /// Finds the normals of all corners around one position.
-fn smooth(around: &[u32], faces: &Faces, cos_crease: f64, normals: &mut [[f32; 3]]) {
+fn smooth(around: &[u32], faces: &Faces, cos_crease: f64, normals: &mut Vec<[f32; 3]>) {
     let all: DVec3 = around.iter().map(|&corner| faces.weighted(corner)).sum();
+    let normal = |corner: &u32| faces.normals[*corner as usize / 3];
     if around.len() <= MAX_PAIRWISE {
+        let mut pairs = around.iter().enumerate().flat_map(|(i, a)| around[i..].iter().map(move |b| (a, b)));
+        if let Some(one) = all.try_normalize()
+            && pairs.all(|(a, b)| normal(a).dot(normal(b)) >= cos_crease)
+        {
+            normals.resize(around.len(), one.as_vec3().to_array());
+            return;
+        }
         for &corner in around {
             let own = faces.normals[corner as usize / 3];
             let is_smooth = |other: &u32| faces.normals[*other as usize / 3].dot(own) >= cos_crease;
             let sum = around.iter().copied().filter(is_smooth).map(|other| faces.weighted(other)).sum();
-            normals[corner as usize] = rounded([sum, own, all]);
+            normals.push(rounded([sum, own, all]));
         }
     } else {
         smooth_by_clusters(around, all, faces, cos_crease, normals);
@@ -130,7 +141,13 @@ fn smooth(around: &[u32], faces: &Faces, cos_crease: f64, normals: &mut [[f32; 3
 
 /// As `smooth`, but every face joins the first cluster that was begun within the crease angle. Clusters are
 /// that far apart on the sphere, so there are few.
-fn smooth_by_clusters(around: &[u32], all: DVec3, faces: &Faces, cos_crease: f64, normals: &mut [[f32; 3]]) {
+fn smooth_by_clusters(
+    around: &[u32],
+    all: DVec3,
+    faces: &Faces,
+    cos_crease: f64,
+    normals: &mut Vec<[f32; 3]>,
+) {
     // However small the crease angle, this bounds the time.
     const MAX_CLUSTERS: usize = 64;
     let mut clusters: Vec<(DVec3, DVec3)> = Vec::new();
@@ -153,7 +170,7 @@ fn smooth_by_clusters(around: &[u32], all: DVec3, faces: &Faces, cos_crease: f64
     for (&corner, cluster) in around.iter().zip(cluster_of) {
         let own = faces.normals[corner as usize / 3];
         let sum = clusters.get(cluster).map_or(DVec3::ZERO, |(_, sum)| *sum);
-        normals[corner as usize] = rounded([sum, own, all]);
+        normals.push(rounded([sum, own, all]));
     }
 }
 
@@ -163,22 +180,64 @@ fn rounded(candidates: [DVec3; 3]) -> [f32; 3] {
     found.unwrap_or(DVec3::Z).as_vec3().to_array()
 }
 
-/// Rebuilds the vertices as the unique tuples of position, colour and the normals of the corners.
-fn split(mesh: &mut SourceMesh, positions: &[u32], normals: &[[f32; 3]]) {
-    let mut vertices: FxHashMap<(u32, Option<Colour>, [u32; 3]), u32> = FxHashMap::default();
-    let source = std::mem::take(mesh);
-    mesh.name = source.name;
-    mesh.triangles = source.triangles;
-    for (corner, &normal) in mesh.triangles.as_flattened_mut().iter_mut().zip(normals) {
-        let vertex = *corner as usize;
-        let colour = source.colours.get(vertex).copied();
-        let next = vertices.len() as u32;
-        *corner = *vertices.entry((positions[vertex], colour, normal.map(f32::to_bits))).or_insert(next);
-        if *corner == next {
-            mesh.positions.push(source.positions[vertex]);
-            mesh.normals.push(normal);
-            mesh.colours.extend(colour);
+/// What tells the vertices of one position apart.
+type VertexKey = (Option<Colour>, [u32; 3]);
+
+/// The vertices of a mesh made anew, position by position.
+struct Split {
+    source: SourceMesh,
+    /// The new mesh; its triangles name the old vertices where they have not been reached.
+    mesh: SourceMesh,
+    /// The new vertices of the position at hand.
+    own: Vec<(VertexKey, u32)>,
+}
+
+impl Split {
+    /// Takes all out of the mesh.
+    fn new(mesh: &mut SourceMesh) -> Self {
+        let mut source = std::mem::take(mesh);
+        let (name, triangles) = (std::mem::take(&mut source.name), std::mem::take(&mut source.triangles));
+        let mesh = SourceMesh { name, body: source.body, triangles, ..SourceMesh::default() };
+        Self { source, mesh, own: Vec::new() }
+    }
+
+    /// Adds the vertices of one position, and points its corners, whose normals are given, at them.
+    fn add(&mut self, around: &[u32], normals: &[[f32; 3]]) {
+        if around.len() > MAX_PAIRWISE {
+            let mut own = FxHashMap::default();
+            return self.point(around, normals, |key, next| *own.entry(key).or_insert(next));
         }
+        let mut own = std::mem::take(&mut self.own);
+        own.clear();
+        self.point(around, normals, |key, next| {
+            let found = own.iter().find(|entry| entry.0 == key).map(|entry| entry.1);
+            found.unwrap_or_else(|| {
+                own.push((key, next));
+                next
+            })
+        });
+        self.own = own;
+    }
+
+    /// As `add`; `number` finds the vertex of a key, or makes it the one given.
+    fn point(&mut self, around: &[u32], normals: &[[f32; 3]], mut number: impl FnMut(VertexKey, u32) -> u32) {
+        let corners = self.mesh.triangles.as_flattened_mut();
+        for (&corner, &normal) in around.iter().zip(normals) {
+            let corner = &mut corners[corner as usize];
+            let vertex = *corner as usize;
+            let colour = self.source.colours.get(vertex).copied();
+            let next = self.mesh.positions.len() as u32;
+            *corner = number((colour, normal.map(f32::to_bits)), next);
+            if *corner == next {
+                self.mesh.positions.push(self.source.positions[vertex]);
+                self.mesh.normals.push(normal);
+                self.mesh.colours.extend(colour);
+            }
+        }
+    }
+
+    fn finish(self, mesh: &mut SourceMesh) {
+        *mesh = self.mesh;
     }
 }
 

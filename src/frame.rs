@@ -195,6 +195,9 @@ pub struct Renderer {
     /// What was sent of boxes in this frame, whatever the strategy.
     bytes_of_boxes: u64,
     visible: u64,
+    /// Instances of which less had arrived than was wished for, and vertices that were wished for, by the last choice.
+    misses: u64,
+    wished: u64,
     /// Vertices that the last choice granted.
     granted: u64,
     /// Vertices of the coarsest states of what it granted.
@@ -246,6 +249,8 @@ impl Renderer {
             bytes_of_whole: 0,
             bytes_of_boxes: 0,
             visible: 0,
+            misses: 0,
+            wished: 0,
             granted: 0,
             floors: 0,
             largest_part_bytes: caps::largest_part_bytes(&scene),
@@ -352,8 +357,8 @@ impl Renderer {
             self.touched = plan::merged(&self.held, self.chooser.drawn());
             self.visible = choice.visible.into();
             self.pending = self.residency.is_waiting();
-            record.misses = choice.misses.into();
-            record.wished_vertices = choice.wished;
+            self.misses = choice.misses.into();
+            self.wished = self.wished_vertices();
             (self.granted, self.floors) = (choice.granted, choice.floors);
         }
         record.disk_bytes += self.residency.take_bytes_read();
@@ -362,6 +367,12 @@ impl Renderer {
         record.memory_bytes = self.memory_bytes();
         record.residency_ms += milliseconds_since(started);
         Ok(())
+    }
+
+    /// Vertices that the view asks for, whatever stands in for what has not arrived.
+    fn wished_vertices(&self) -> u64 {
+        let wishes = self.wishes.get();
+        self.wishes.visible().iter().map(|&instance| u64::from(wishes[instance as usize])).sum()
     }
 
     /// Stage 4: gathers what is sent and copies it to the GPU.
@@ -466,6 +477,8 @@ impl Renderer {
         record.existing_vertices = record.active_vertices.saturating_sub(record.streamed_vertices);
         record.existing_ecol = record.active_ecol.saturating_sub(record.streamed_ecol);
         record.existing_triangles = record.active_triangles.saturating_sub(record.streamed_triangles);
+        record.misses = self.misses;
+        record.wished_vertices = self.wished;
         record.instances_visible = self.visible;
         record.instances_culled = self.scene.instances().len() as u64 - self.visible;
         record.bytes_vertices = record.streamed_vertices * crate::stream::delta::VERTEX_BYTES;

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Instant;
 
 use clap::Args;
 use collapsar::bake::BakeOptions;
@@ -10,7 +11,7 @@ use collapsar::gpu::{Gpu, GpuOptions};
 use collapsar::scene::{CameraPath, Scene};
 use collapsar::stats::Summary;
 
-use super::fly::{FlightPlan, compare, describe_comparison};
+use super::fly::{FlightPlan, Opening, compare, describe_comparison};
 use super::{Failure, bake, output, values};
 
 /// Arguments of `demo`.
@@ -74,7 +75,9 @@ fn fly_bundled(gpu: &Arc<Gpu>, model: &Bundled, arguments: &DemoArguments) -> Re
     let source = arguments.datasets.join(model.file);
     output::print_text(&format!("== {}: {} ==", model.name, source.display()))?;
     bake_when_needed(&source, &container)?;
+    let started = Instant::now();
     let scene = Arc::new(Scene::open(&container)?);
+    let open = started.elapsed();
     let folder = arguments.out.join(model.name);
     output::make_folder(&folder)?;
     let plan = FlightPlan {
@@ -90,6 +93,7 @@ fn fly_bundled(gpu: &Arc<Gpu>, model: &Bundled, arguments: &DemoArguments) -> Re
         },
         hash: true,
         png_every: arguments.frames.div_ceil(6),
+        opening: Opening { open, all: open },
     };
     compare(gpu, &scene, &plan, Some(&folder)).map_err(|failure| failure.in_container(&container))
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use collapsar::frame::{PassesOn, Renderer, Settings};
@@ -125,7 +126,9 @@ pub fn run(arguments: &FlyArguments) -> Result<(), Failure> {
         return Err(Failure::Argument("--png needs a folder for the pictures: add --out DIR".to_owned()));
     }
     let path = CameraPath::parse(&arguments.path)?;
+    let started = Instant::now();
     let scene = Arc::new(Scene::open(&arguments.file)?);
+    let open = started.elapsed();
     if let Some(folder) = &arguments.out {
         output::check_folder(folder)?;
     }
@@ -139,6 +142,7 @@ pub fn run(arguments: &FlyArguments) -> Result<(), Failure> {
         settings: settings(arguments),
         hash: !arguments.no_hash && !arguments.count_only,
         png_every: arguments.png,
+        opening: Opening { open, all: started.elapsed() },
     };
     if arguments.compare {
         let summaries = compare(&gpu, &scene, &flight, arguments.out.as_deref())
@@ -194,6 +198,17 @@ pub struct FlightPlan<'a> {
     pub hash: bool,
     /// A picture every so many frames; 0 for none.
     pub png_every: u64,
+    /// What came before.
+    pub opening: Opening,
+}
+
+/// How long it took until a flight could begin.
+#[derive(Debug, Clone, Copy)]
+pub struct Opening {
+    /// Opening the container.
+    pub open: Duration,
+    /// That, and opening the graphics device.
+    pub all: Duration,
 }
 
 /// Flies once; with a folder, writes the records, the summary and the pictures there.
@@ -203,6 +218,7 @@ pub fn fly(
     plan: &FlightPlan<'_>,
     folder: Option<&Path>,
 ) -> Result<Summary, Failure> {
+    let started = Instant::now();
     let mut renderer = Renderer::new(Arc::clone(gpu), Arc::clone(scene), plan.settings)?;
     let mut records: Vec<FrameRecord> = Vec::new();
     let mut hashes = Hashes::default();
@@ -212,7 +228,8 @@ pub fn fly(
             return Err(Failure::Interrupted("the flight's numbers were not written"));
         }
         let camera = plan.path.camera(frame, plan.frames, scene.bounds());
-        let record = renderer.frame(&camera)?;
+        let mut record = renderer.frame(&camera)?;
+        record.elapsed_ms = 1e3 * (plan.opening.all + started.elapsed()).as_secs_f64();
         if plan.hash {
             hashes.add(&renderer, record.compute_passes > 0 || record.bytes_sent > 0)?;
         }
@@ -266,6 +283,11 @@ fn description(gpu: &Gpu, scene: &Scene, plan: &FlightPlan<'_>, hashes: &Hashes)
         instances: counts.instances,
         model_triangles: counts.triangles_placed,
         file_bytes: counts.file_bytes,
+        live: !plan.settings.settle,
+        memory_limit_bytes: plan.settings.memory_limit_bytes,
+        gpu_limit_bytes: plan.settings.gpu_limit_bytes,
+        read_rate: plan.settings.read_rate,
+        open_ms: 1e3 * plan.opening.open.as_secs_f64(),
     }
 }
 
@@ -388,7 +410,7 @@ fn describe(summary: &Summary) -> String {
     let stages: Vec<String> =
         summary.stage_ms.iter().map(|(stage, ms)| format!("{stage} {}", human::milliseconds(*ms))).collect();
     let flight = &summary.flight;
-    [
+    let mut lines = vec![
         format!(
             "flight       {} frames of `{}`, {}x{} pixels",
             human::count(summary.frames),
@@ -421,7 +443,33 @@ fn describe(summary: &Summary) -> String {
             human::bytes(summary.gpu_bytes_peak),
             human::bytes(summary.resident_bytes_peak)
         ),
-        format!("index hash   {}", if flight.index_hash.is_empty() { "-" } else { &flight.index_hash }),
+    ];
+    if flight.live {
+        lines.extend(describe_live(summary));
+    }
+    lines.push(format!(
+        "index hash   {}",
+        if flight.index_hash.is_empty() { "-" } else { &flight.index_hash }
+    ));
+    lines.join("\n")
+}
+
+/// What a flight that does not wait for the disk also shows: how soon there was something to look at.
+fn describe_live(summary: &Summary) -> [String; 3] {
+    let after = |ms: Option<f64>| {
+        ms.map_or("not reached".to_owned(), |ms| format!("after {} ms", human::milliseconds(ms)))
+    };
+    [
+        format!(
+            "opened       in {} ms; nine tenths of the picture {}",
+            human::milliseconds(summary.flight.open_ms),
+            after(summary.first_picture_ms)
+        ),
+        format!("detail       half {}, all {}", after(summary.half_detail_ms), after(summary.full_detail_ms)),
+        format!(
+            "disk         {} read; {} major page faults on the thread that draws",
+            human::bytes(summary.disk_bytes_total),
+            human::count(summary.major_faults_total)
+        ),
     ]
-    .join("\n")
 }

@@ -227,7 +227,10 @@ impl Scene {
 fn read_tables(file: &PayloadFile) -> Result<Vec<u64>, SceneError> {
     let path = file.path();
     let wrap = |cause| SceneError::Container { cause, path: path.to_owned() };
-    let io = |cause| SceneError::Map(MapError::Io { cause, path: path.to_owned() });
+    let io = |cause: io::Error| match cause.kind() {
+        io::ErrorKind::UnexpectedEof => wrap(ContainerError::CutShort),
+        _ => SceneError::Map(MapError::Io { cause, path: path.to_owned() }),
+    };
     let start = file.bytes().min(crate::container::format::SECTIONS_START) as usize;
     let mut words = vec![0u64; start.div_ceil(8)];
     file.read_at(&mut bytemuck::cast_slice_mut(&mut words)[..start], 0).map_err(io)?;

@@ -116,6 +116,8 @@ frame_record! {
     draw_ms: f64,
     /// The whole frame.
     frame_ms: f64,
+    /// When the frame was done, since the model began to be opened.
+    elapsed_ms: f64,
     /// GPU memory in use.
     gpu_bytes: u64,
     /// Payload held in memory.

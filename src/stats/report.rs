@@ -76,6 +76,21 @@ pub struct Flight {
     /// Size of the container.
     #[serde(default)]
     pub file_bytes: u64,
+    /// Whether frames drew what had arrived instead of waiting for the disk.
+    #[serde(default)]
+    pub live: bool,
+    /// The cap on the model's memory.
+    #[serde(default)]
+    pub memory_limit_bytes: Option<u64>,
+    /// The cap on GPU memory.
+    #[serde(default)]
+    pub gpu_limit_bytes: Option<u64>,
+    /// Bytes a second that were read at most, if that was limited.
+    #[serde(default)]
+    pub read_rate: Option<u64>,
+    /// Milliseconds for opening the container: its tables, read and checked.
+    #[serde(default)]
+    pub open_ms: f64,
 }
 
 /// The summary of one flight, as in `summary.json`. `_mean` is over frames, `stage_ms` means by stage.
@@ -113,12 +128,24 @@ pub struct Summary {
     pub frame_ms_p999: f64,
     /// The mean frame.
     pub frame_ms_mean: f64,
+    /// From the start of opening until nine tenths of the projected area had something drawn.
+    #[serde(default)]
+    pub first_picture_ms: Option<f64>,
+    /// From the start of opening until half of the vertices that were wished for were drawn.
+    #[serde(default)]
+    pub half_detail_ms: Option<f64>,
+    /// From the start of opening until nothing was missing any more.
+    #[serde(default)]
+    pub full_detail_ms: Option<f64>,
     /// Mean milliseconds by stage.
     pub stage_ms: BTreeMap<String, f64>,
     /// Instances of which less had arrived than was wished for, in all frames.
     pub misses_total: u64,
     /// Bytes read from disk in all.
     pub disk_bytes_total: u64,
+    /// Pages that the thread of the frames had to wait for.
+    #[serde(default)]
+    pub major_faults_total: u64,
     /// Compute passes in all.
     pub compute_passes_total: u64,
     /// The most GPU memory in use.
@@ -155,9 +182,13 @@ impl Summary {
             frame_ms_p99: percentile(&frame_ms, 99.0),
             frame_ms_p999: percentile(&frame_ms, 99.9),
             frame_ms_mean: frame_ms.iter().sum::<f64>() / records.len().max(1) as f64,
+            first_picture_ms: reached(records, |r| r.drawn_area_permille >= FIRST_PICTURE_PERMILLE),
+            half_detail_ms: reached(records, |r| 2 * r.active_vertices >= r.wished_vertices),
+            full_detail_ms: reached(records, is_full),
             stage_ms: stage_means(records),
             misses_total: total(|r| r.misses),
             disk_bytes_total: total(|r| r.disk_bytes),
+            major_faults_total: total(|r| r.major_faults),
             compute_passes_total: total(|r| r.compute_passes),
             gpu_bytes_peak: peak(|r| r.gpu_bytes),
             resident_bytes_peak: peak(|r| r.resident_bytes),
@@ -169,6 +200,19 @@ impl Summary {
     pub fn stage(&self, name: &str) -> f64 {
         self.stage_ms.get(name).copied().unwrap_or(0.0)
     }
+}
+
+/// So much of the projected area makes a picture.
+const FIRST_PICTURE_PERMILLE: u64 = 900;
+
+/// When the first frame was done of which something is true.
+fn reached(records: &[FrameRecord], is_there: impl Fn(&FrameRecord) -> bool) -> Option<f64> {
+    records.iter().find(|record| is_there(record)).map(|record| record.elapsed_ms)
+}
+
+/// Whether a frame lacks nothing. Wishes are rounded to states, which may leave the last few vertices unspent.
+fn is_full(record: &FrameRecord) -> bool {
+    record.misses == 0 && 100 * record.active_vertices >= 99 * record.wished_vertices
 }
 
 /// The first frame must send everything whatever the strategy; what follows shows the coherence.
@@ -270,6 +314,28 @@ mod tests {
             assert!(json.get(key).is_some(), "{key}");
         }
         assert_eq!(serde_json::from_value::<Summary>(json).unwrap(), summary);
+    }
+
+    #[test]
+    fn detail_is_reached_in_the_first_frame_that_has_it() {
+        let frame = |frame: u64, area: u64, active: u64, misses: u64| FrameRecord {
+            frame,
+            elapsed_ms: 100.0 + frame as f64,
+            drawn_area_permille: area,
+            active_vertices: active,
+            wished_vertices: 1000,
+            misses,
+            ..Default::default()
+        };
+        let records =
+            [frame(0, 0, 0, 9), frame(1, 899, 499, 9), frame(2, 900, 500, 5), frame(3, 950, 999, 1)];
+        let summary = Summary::new(Flight::default(), &records);
+        assert_eq!((summary.first_picture_ms, summary.half_detail_ms), (Some(102.0), Some(102.0)));
+        assert_eq!(summary.full_detail_ms, None, "one instance is missing");
+        let full = Summary::new(Flight::default(), &[records[1], frame(4, 1000, 995, 0)]);
+        assert_eq!((full.first_picture_ms, full.full_detail_ms), (Some(104.0), Some(104.0)));
+        let held_back = Summary::new(Flight::default(), &[frame(0, 1000, 980, 0)]);
+        assert_eq!(held_back.full_detail_ms, None, "an upload was held back");
     }
 
     #[test]

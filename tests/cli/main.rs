@@ -17,6 +17,7 @@ mod help;
 mod hostile;
 mod input;
 mod interrupted;
+mod live;
 mod models;
 mod pipes;
 mod report;

@@ -9,7 +9,7 @@
 use glam::Vec3;
 
 use super::mesh::{CornerMesh, NONE};
-use super::ring::{Ring, RingFace};
+use super::ring::Ring;
 
 /// At most so many distances are taken in a step, but for those of the position itself.
 const MOST: usize = 512;
@@ -45,19 +45,17 @@ impl Drift {
         error: f32,
     ) -> (f32, Vec3) {
         let least = (NOTABLE * error).powi(2);
-        let survives = |f: &&RingFace| !f.face.touches(target);
         self.fan.clear();
-        self.fan.extend(ring.faces.iter().filter(survives).map(|f| Spoke {
-            triangle: f.face.triangle(),
-            a: f.a,
-            b: f.b,
-            farthest: least,
-            witness: NONE,
-        }));
+        self.fan.extend(ring.faces().enumerate().filter(|(_, face)| !face.touches(target)).map(
+            |(i, face)| {
+                let [a, b] = ring.corners(i);
+                Spoke { triangle: face.triangle(), a, b, farthest: least, witness: NONE }
+            },
+        ));
         let mut farthest = (self.hand_over(position, Vec3::ZERO, offset, least), ring.origin);
         let most = MOST / self.fan.len().max(1);
-        for f in ring.faces.iter().take(most) {
-            let witness = std::mem::replace(mesh.witness(f.face.triangle()), NONE);
+        for face in ring.faces().take(most) {
+            let witness = std::mem::replace(mesh.witness(face.triangle()), NONE);
             if witness != NONE {
                 let point = ring.point(witness);
                 let distance = self.hand_over(witness, point - ring.origin, offset, least);
@@ -76,13 +74,14 @@ impl Drift {
     /// none is larger.
     pub fn bow(ring: &Ring, target: u32, offset: Vec3, least: f32) -> f32 {
         let mut farthest = least * least;
-        let most = MOST / ring.faces.len().max(1);
-        for n in ring.neighbours.iter().filter(|n| n.position != target).take(most) {
-            let middle = 0.5 * (n.offset + offset);
+        let most = MOST / ring.faces().len().max(1);
+        for n in ring.neighbours().iter().filter(|n| n.position != target).take(most) {
+            let middle = 0.5 * (n.offset() + offset);
             let mut nearest = f32::INFINITY;
             // Most often one of the triangles at the neighbour is near enough.
-            for f in ring.faces_at(n).into_iter().chain(&ring.faces) {
-                nearest = nearest.min(squared_distance(middle, [Vec3::ZERO, f.a, f.b]));
+            for face in ring.faces_at(n).into_iter().chain(0..ring.faces().len()) {
+                let [a, b] = ring.corners(face);
+                nearest = nearest.min(squared_distance(middle, [Vec3::ZERO, a, b]));
                 if nearest <= farthest {
                     break;
                 }

@@ -4,11 +4,11 @@
 //! hold open boundaries and creases: how far the target is from the planes of the ring. To it is added the other way,
 //! how far the position is from the triangles that would be left ([`GAP_WEIGHT`]).
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 use super::Phase;
-use super::mesh::{CornerMesh, Face};
-use super::ring::{Place, Ring};
+use super::mesh::{CornerMesh, Face, NONE};
+use super::ring::{Neighbour, Place, Ring};
 use crate::geometry::record::Attributes;
 use crate::geometry::record::{Stall, VertexRecord};
 
@@ -57,6 +57,20 @@ pub(super) enum Action {
     Vanish,
 }
 
+/// The best collapse of a position, as far as its ring alone says.
+#[derive(Debug, Clone, Copy)]
+struct Known {
+    /// [`NONE`] if there is none, or if the ring has changed.
+    target: u32,
+    /// Without the price of guards that do not hold.
+    cost: f32,
+    price: f32,
+}
+
+impl Known {
+    const NOTHING: Self = Self { target: NONE, cost: 0.0, price: 0.0 };
+}
+
 /// The unchanging part of the problem.
 pub(super) struct Setting<'a> {
     pub wedges: &'a [VertexRecord],
@@ -82,8 +96,11 @@ impl Setting<'_> {
 pub(super) struct Evaluator {
     pub ring: Ring,
     by_cost: Vec<(f32, u32)>,
-    /// Per position, the last answer of [`Evaluator::best`] that was a collapse, and the stamp of its ring then.
-    known: Vec<Option<((u32, u32), Candidate)>>,
+    costs: Vec<Vec4>,
+    /// Per position, the best collapse that was found last, until its ring changes.
+    known: Vec<Known>,
+    /// Per neighbour, whether it lies across a triangle on the edge to the target that is looked at.
+    across: Vec<bool>,
     /// Positions of the piece that [`Action::Vanish`] is about.
     pub piece: Vec<u32>,
     /// From wedges of the position to wedges of the target, filled by [`Evaluator::map_wedges`].
@@ -93,15 +110,17 @@ pub(super) struct Evaluator {
 impl Evaluator {
     pub fn new(places: Vec<Place>, tags: Vec<u32>) -> Self {
         Self {
-            known: vec![None; places.len()],
+            known: vec![Known::NOTHING; places.len()],
+            across: Vec::new(),
             ring: Ring::new(places, tags),
             by_cost: Vec::new(),
+            costs: Vec::new(),
             piece: Vec::new(),
             mapping: Vec::new(),
         }
     }
 
-    /// A lower bound of the cost of the best step for a position, without a look at the guards; `None` if there is no
+    /// A lower bound of the cost of the best step for a position, which only its ring is asked for; `None` if there is no
     /// step at all.
     pub fn bound(&mut self, mesh: &mut CornerMesh, setting: &Setting<'_>, position: u32) -> Option<f32> {
         if setting.locked[position as usize] {
@@ -109,7 +128,32 @@ impl Evaluator {
         }
         self.ring.collect(mesh, position);
         self.rank_targets();
-        self.by_cost.iter().map(|entry| entry.0).min_by(f32::total_cmp)
+        let mut best = Known { cost: f32::INFINITY, ..Known::NOTHING };
+        for i in 0..self.by_cost.len().min(TARGETS_TRIED) {
+            let (cost, slot) = self.take_cheapest(i);
+            if best.cost <= cost {
+                break;
+            }
+            if !self.ring.turns(slot, FLIP_LIMIT) {
+                let cost = cost + self.gap_cost(slot);
+                if cost < best.cost {
+                    best = Known { target: self.ring.neighbours()[slot as usize].position, cost, price: 0.0 };
+                }
+            }
+        }
+        self.known[position as usize] = best;
+        if best.target != NONE { Some(best.cost) } else { self.by_cost.first().map(|entry| entry.0) }
+    }
+
+    /// Forgets what was known of all neighbours, whose triangles are about to change.
+    pub fn forget_neighbours(&mut self) {
+        for neighbour in self.ring.neighbours() {
+            self.known[neighbour.position as usize].target = NONE;
+        }
+    }
+
+    fn gap_cost(&self, slot: u32) -> f32 {
+        GAP_WEIGHT * self.ring.area * self.ring.gap(slot)
     }
 
     /// The cheapest step for a position, or why there is none.
@@ -126,41 +170,56 @@ impl Evaluator {
             return Err(Stall::Boundary);
         }
         self.ring.collect(mesh, position);
-        if self.ring.faces.is_empty() {
+        if self.ring.faces().len() == 0 {
             return Err(Stall::None);
         }
-        if let Some(known) = self.known_best(mesh, position) {
+        if let Some(known) = self.known_best(mesh, setting, position) {
             return Ok(known);
         }
         self.rank_targets();
-        let (mut best, mut turning): (Option<Candidate>, Option<Candidate>) = (None, None);
+        let mut best: Option<Candidate> = None;
+        let mut turning: Option<Candidate> = None;
+        let mut known = Known::NOTHING;
         for i in 0..self.by_cost.len().min(TARGETS_TRIED) {
             let (cost, slot) = self.take_cheapest(i);
             if best.is_some_and(|best| best.cost <= cost) {
                 break;
             }
-            let rival = best.map(|best| best.cost);
-            let Some((phase, price)) = self.guard(mesh, setting, position, (cost, slot), rival) else {
+            let rival = best.map_or(f32::INFINITY, |best| best.cost);
+            let target = self.ring.neighbours()[slot as usize].position;
+            if self.ring.turns(slot, FLIP_LIMIT) {
+                if best.is_none()
+                    && let Some(candidate) = self.turned(mesh, setting, (cost, slot))
+                    && turning.is_none_or(|turning| candidate.cost < turning.cost)
+                {
+                    turning = Some(candidate);
+                }
                 continue;
-            };
-            let target = self.ring.neighbours[slot as usize].position;
-            let candidate = Candidate { action: Action::Collapse(target), cost: cost + price, phase };
-            let rival = if phase == Phase::Free { &mut turning } else { &mut best };
-            if rival.is_none_or(|rival| candidate.cost < rival.cost) {
-                *rival = Some(candidate);
+            }
+            let cost = cost + self.gap_cost(slot);
+            let room = rival - cost;
+            if room > 0.0
+                && let Some((phase, price)) = self.guard(mesh, setting, position, slot, room)
+            {
+                best = Some(Candidate { action: Action::Collapse(target), cost: cost + price, phase });
+                known = Known { target, cost, price };
             }
         }
+        self.known[position as usize] = known;
         let best = best.or(turning);
-        self.known[position as usize] = best.map(|best| (self.ring.stamp, best));
         best.or_else(|| self.vanishing(mesh, setting, position)).ok_or(Stall::NonManifold)
     }
 
-    /// The answer of last time, if nothing has changed that it depends on.
-    fn known_best(&self, mesh: &CornerMesh, position: u32) -> Option<Candidate> {
-        let (_, best) = self.known[position as usize].filter(|known| known.0 == self.ring.stamp)?;
-        let Action::Collapse(target) = best.action else { return None };
-        let slot = self.ring.slot(target)?;
-        ((self.ring.neighbours[slot].faces as usize) < mesh.live_triangles).then_some(best)
+    /// The answer of last time, if the ring is the same and the guards ask no more for it than then.
+    fn known_best(&mut self, mesh: &CornerMesh, setting: &Setting<'_>, position: u32) -> Option<Candidate> {
+        let known = self.known[position as usize];
+        if known.target == NONE {
+            return None;
+        }
+        let slot = self.ring.slot(known.target)? as u32;
+        let (phase, price) = self.guard(mesh, setting, position, slot, f32::INFINITY)?;
+        let action = Action::Collapse(known.target);
+        (price <= known.price).then_some(Candidate { action, cost: known.cost + price, phase })
     }
 
     /// Moves the cheapest of the targets from the `i`-th on to place `i`.
@@ -205,106 +264,101 @@ impl Evaluator {
 
     fn rank_targets(&mut self) {
         let ring = &self.ring;
-        let quadric = ring.quadric;
+        ring.costs(SHORTNESS * ring.area, &mut self.costs);
         let on_chain = ring.chain == Some(true);
         self.by_cost.clear();
-        for (slot, neighbour) in ring.neighbours.iter().enumerate() {
-            // A position on a boundary or a seam slides along it.
-            if on_chain && neighbour.faces == 2 {
-                continue;
-            }
-            let offset = neighbour.offset;
-            let cost = quadric.at(offset) + SHORTNESS * ring.area * offset.length_squared();
-            self.by_cost.push((cost, slot as u32));
-        }
+        let costs = self.costs.iter().flat_map(|four| four.to_array());
+        let ranked = (0..).zip(ring.neighbours()).zip(costs);
+        // A position on a boundary or a seam slides along it.
+        let slides = ranked.filter(|((_, neighbour), _)| !on_chain || neighbour.faces != 2);
+        self.by_cost.extend(slides.map(|((slot, _), cost)| (cost, slot)));
     }
 
-    /// The phase in which the collapse onto a neighbour is allowed, and its price; `None` if it never is, or if it is no
-    /// better than a rival of the cost given.
+    /// Whether nothing forbids the collapse onto a neighbour in any phase.
+    fn is_open_to(&self, mesh: &CornerMesh, setting: &Setting<'_>, neighbour: &Neighbour) -> bool {
+        // Something of the part always stays: an empty picture is worth no saving.
+        (neighbour.faces as usize) < mesh.live_triangles
+            && !(setting.locked[neighbour.position as usize] && self.bares(setting, neighbour.position))
+    }
+
+    /// The collapse onto a neighbour that turns a triangle.
+    fn turned(
+        &mut self,
+        mesh: &CornerMesh,
+        setting: &Setting<'_>,
+        (cost, slot): (f32, u32),
+    ) -> Option<Candidate> {
+        let neighbour = self.ring.neighbours()[slot as usize];
+        if !self.is_open_to(mesh, setting, &neighbour) {
+            return None;
+        }
+        self.map_wedges(mesh, setting, neighbour.position)?;
+        let price = RELAXED_PRICE * self.ring.area * neighbour.offset().length_squared();
+        let action = Action::Collapse(neighbour.position);
+        Some(Candidate { action, cost: cost + price, phase: Phase::Free })
+    }
+
+    /// The phase in which the collapse onto a neighbour, which turns no triangle, is allowed, and its price; `None` if it
+    /// never is, or if the price is no less than `room`.
     fn guard(
         &mut self,
         mesh: &CornerMesh,
         setting: &Setting<'_>,
         position: u32,
-        (cost, slot): (f32, u32),
-        rival: Option<f32>,
+        slot: u32,
+        room: f32,
     ) -> Option<(Phase, f32)> {
-        let neighbour = self.ring.neighbours[slot as usize];
-        // Something of the part always stays: an empty picture is worth no saving.
-        if neighbour.faces as usize >= mesh.live_triangles {
+        let neighbour = self.ring.neighbours()[slot as usize];
+        if !self.is_open_to(mesh, setting, &neighbour) {
             return None;
         }
-        if setting.locked[neighbour.position as usize] && self.bares(setting, neighbour.position) {
-            return None;
-        }
-        let unit = self.ring.area * neighbour.offset.length_squared();
-        if self.turns(neighbour.position, neighbour.offset) {
-            if rival.is_some() {
-                return None;
-            }
-            return self
-                .map_wedges(mesh, setting, neighbour.position)
-                .map(|_| (Phase::Free, RELAXED_PRICE * unit));
-        }
-        let hopeless = |price: f32| rival.is_some_and(|rival| cost + price >= rival);
-        let gap = GAP_WEIGHT * self.ring.area * self.ring.gap(neighbour.position, neighbour.offset);
-        if hopeless(gap) {
-            return None;
-        }
+        let unit = self.ring.area * neighbour.offset().length_squared();
         let likeness = self.map_wedges(mesh, setting, neighbour.position)?;
         let smear = match likeness {
             OTHER_TAG => TAG_PRICE * unit,
             likeness if likeness < SMEAR_LIMIT => SMEAR_PRICE * unit,
             _ => 0.0,
         };
-        if hopeless(smear + gap) {
+        if smear >= room {
             return None;
         }
-        if self.ring.chain.is_none() || !self.link_holds(mesh, position, neighbour.position) {
-            return Some((Phase::Topology, RELAXED_PRICE * unit + smear + gap));
-        }
-        Some((if smear > 0.0 { Phase::Smear } else { Phase::Strict }, smear + gap))
+        let (phase, price) =
+            if self.ring.chain.is_none() || !self.link_holds(mesh, position, neighbour.position) {
+                (Phase::Topology, RELAXED_PRICE * unit + smear)
+            } else {
+                (if smear > 0.0 { Phase::Smear } else { Phase::Strict }, smear)
+            };
+        (price < room).then_some((phase, price))
     }
 
     /// Whether an edge between two locked positions, the target one of them, would lose its last triangle: this is
     /// brings no other triangle to it, and another cell may still have the edge.
     fn bares(&self, setting: &Setting<'_>, target: u32) -> bool {
-        let dying = || self.ring.faces.iter().filter(|f| f.face.touches(target));
-        let mut thirds = dying().flat_map(|f| f.face.positions).filter(|&third| third != target);
+        let dying = || self.ring.faces().filter(|face| face.touches(target));
+        let mut thirds = dying().flat_map(|face| face.positions).filter(|&third| third != target);
         thirds.any(|third| {
             let all_die = |slot: usize| {
-                let die = dying().filter(|f| f.face.touches(third)).count();
-                self.ring.neighbours[slot].faces as usize == die
+                let die = dying().filter(|face| face.touches(third)).count();
+                self.ring.neighbours()[slot].faces as usize == die
             };
             setting.locked[third as usize] && self.ring.slot(third).is_some_and(all_die)
         })
     }
 
-    /// Whether a surviving triangle would turn by more than the limit, or lose its area.
-    fn turns(&self, target: u32, offset: Vec3) -> bool {
-        self.ring
-            .faces
-            .iter()
-            .any(|f| !f.face.touches(target) && f.flips(offset, self.ring.around, FLIP_LIMIT))
-    }
-
     /// The link condition (Dey et al. 1999): the two ends have no common neighbour but across the edge's own
     /// triangles, and no triangle of the one would fall onto one of the other.
     fn link_holds(&mut self, mesh: &CornerMesh, position: u32, target: u32) -> bool {
-        for i in 0..self.ring.faces.len() {
-            let face = self.ring.faces[i].face;
-            if face.touches(target) {
-                for p in face.positions {
-                    if let Some(slot) = self.ring.slot(p) {
-                        self.ring.neighbours[slot].across = target;
-                    }
-                }
+        self.across.clear();
+        self.across.resize(self.ring.neighbours().len(), false);
+        for face in self.ring.faces().filter(|face| face.touches(target)) {
+            for slot in face.positions.into_iter().filter_map(|p| self.ring.slot(p)) {
+                self.across[slot] = true;
             }
         }
         if mesh.valence(target) <= HUB {
-            return !mesh.faces(target).any(|face| !face.touches(position) && self.breaks(face, target));
+            return !mesh.faces(target).any(|face| !face.touches(position) && self.breaks(face));
         }
-        let others = || self.ring.neighbours.iter().filter(|n| n.position != target);
+        let others = || self.ring.neighbours().iter().filter(|n| n.position != target);
         // Between two hubs nobody can tell in bounded time.
         if others().map(|n| mesh.valence(n.position)).sum::<u32>() > MOST_ASKED {
             return false;
@@ -313,16 +367,15 @@ impl Evaluator {
         !others().any(|n| {
             mesh.faces(n.position).filter(on_target).any(|face| {
                 let [a, b] = face.positions;
-                self.breaks(Face { positions: [n.position, if a == target { b } else { a }], ..face }, target)
+                self.breaks(Face { positions: [n.position, if a == target { b } else { a }], ..face })
             })
         })
     }
 
     /// Whether a triangle of the target would meet the ring where it must not.
-    fn breaks(&self, face: Face, target: u32) -> bool {
+    fn breaks(&self, face: Face) -> bool {
         let [a, b] = face.positions.map(|p| self.ring.slot(p));
-        let stray =
-            |slot: Option<usize>| slot.is_some_and(|slot| self.ring.neighbours[slot].across != target);
+        let stray = |slot: Option<usize>| slot.is_some_and(|slot| !self.across[slot]);
         stray(a) || stray(b) || a.is_some() && b.is_some() && self.ring.has_face(face.positions)
     }
 
@@ -331,9 +384,9 @@ impl Evaluator {
     pub fn map_wedges(&mut self, mesh: &CornerMesh, setting: &Setting<'_>, target: u32) -> Option<f32> {
         self.mapping.clear();
         let mut least = 1f32;
-        let mut last = super::mesh::NONE;
-        for i in 0..self.ring.faces.len() {
-            let wedge = self.ring.faces[i].face.wedge;
+        let mut last = NONE;
+        for i in 0..self.ring.faces().len() {
+            let wedge = self.ring.face(i).wedge;
             if std::mem::replace(&mut last, wedge) == wedge || self.mapping.iter().any(|m| m.0 == wedge) {
                 continue;
             }
@@ -354,10 +407,10 @@ impl Evaluator {
 
     /// The wedges of the target that share a triangle with a wedge of the position, some of them more than once.
     fn shared_wedges(&self, wedge: u32, target: u32) -> impl Iterator<Item = u32> + '_ {
-        let mut last = super::mesh::NONE;
-        self.ring.faces.iter().filter(move |f| f.face.wedge == wedge).filter_map(move |f| {
-            let i = f.face.positions.iter().position(|&p| p == target)?;
-            let shared = f.face.wedges[i];
+        let mut last = NONE;
+        self.ring.faces().filter(move |face| face.wedge == wedge).filter_map(move |face| {
+            let i = face.positions.iter().position(|&p| p == target)?;
+            let shared = face.wedges[i];
             (std::mem::replace(&mut last, shared) != shared).then_some(shared)
         })
     }

@@ -10,9 +10,6 @@ use crate::geometry::weld::WeldedMesh;
 
 pub(super) const NONE: u32 = u32::MAX;
 
-/// So many triangles of a position are loaded at once.
-const AHEAD: usize = 8;
-
 /// The dynamic mesh.
 pub(super) struct CornerMesh {
     triangles: Vec<Triangle>,
@@ -38,8 +35,6 @@ struct Triangle {
 }
 
 impl Triangle {
-    const DEAD: Self = Self { positions: [NONE; 4], wedges: [NONE; 4] };
-
     /// The triangle seen from a corner of it, unless it is dead.
     #[inline(always)]
     fn face(&self, corner: u32) -> Option<Face> {
@@ -139,6 +134,11 @@ impl CornerMesh {
         self.lists[position as usize].live
     }
 
+    /// How many corners the list of a position has, dead ones among them.
+    pub fn listed(&self, position: u32) -> usize {
+        self.lists[position as usize].len as usize
+    }
+
     fn face(&self, corner: u32) -> Option<Face> {
         self.triangles[(corner >> 2) as usize].face(corner)
     }
@@ -168,25 +168,19 @@ impl CornerMesh {
     /// Hands the live triangles around a position to `take` and drops its dead corners.
     #[inline]
     pub fn collect_faces(&mut self, position: u32, mut take: impl FnMut(Face)) {
-        let list = self.lists[position as usize];
-        let mut kept = list.start as usize;
-        let mut near = [Triangle::DEAD; AHEAD];
-        for start in list.range().step_by(AHEAD) {
-            let some = start..list.range().end.min(start + AHEAD);
-            // Loaded together before anything is done with one of them: they are far apart in memory.
-            for (triangle, &corner) in near.iter_mut().zip(&self.corners[some.clone()]) {
-                *triangle = self.triangles[(corner >> 2) as usize];
-            }
-            for (i, triangle) in some.zip(&near) {
-                let corner = self.corners[i];
-                if let Some(face) = triangle.face(corner) {
-                    take(face);
-                    self.corners[kept] = corner;
-                    kept += 1;
-                }
+        let list = &mut self.lists[position as usize];
+        let corners = &mut self.corners[list.range()];
+        let triangles = self.triangles.as_slice();
+        let mut kept = 0;
+        for i in 0..corners.len() {
+            let corner = corners[i];
+            if let Some(face) = triangles[(corner >> 2) as usize].face(corner) {
+                take(face);
+                corners[kept] = corner;
+                kept += 1;
             }
         }
-        self.lists[position as usize].len = kept as u32 - list.start;
+        list.len = kept as u32;
     }
 
     /// Kills a triangle; returns the wedges of its corners.

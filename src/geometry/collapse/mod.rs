@@ -15,25 +15,25 @@
 
 mod drift;
 mod evaluate;
+mod four;
 mod mesh;
 mod queue;
 mod ring;
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 use super::adjacency::position_edges;
 use super::record::{Attributes, Stall, VertexRecord};
 use super::weld::WeldedMesh;
 use drift::{Drift, squared_distance};
 use evaluate::{Action, Candidate, Evaluator, HUB, LARGEST_PIECE, Setting};
+use four::{Four, squared_distances, widened};
 use mesh::CornerMesh;
 use queue::BucketQueue;
 use ring::Place;
 
 pub(crate) use evaluate::FLIP_LIMIT;
 
-/// What a polyline moves when a vertex goes, as a share of how far the target is from the line of its far edge.
-const SAGITTA: f32 = 0.5;
 /// Searches for what is left beside a piece that has gone look at so many positions for each of the mesh.
 const SEARCHES: usize = 16;
 /// A distance that is more than so many times the error so far is looked into.
@@ -278,7 +278,7 @@ impl<'a> Simplifier<'a> {
         let offset = self.evaluator.ring.point(target) - self.evaluator.ring.origin;
         let (carried, witness) =
             self.drift.carry(&mut self.mesh, &self.evaluator.ring, position, target, offset, self.error);
-        let slid = self.slid[position as usize] + SAGITTA * self.evaluator.ring.slide(offset);
+        let slid = self.slid[position as usize] + self.evaluator.ring.slide(offset);
         self.slid[target as usize] = self.slid[target as usize].max(slid);
         let bowed = Drift::bow(&self.evaluator.ring, target, offset, self.error.max(slid));
         self.evaluator.map_wedges(&self.mesh, &self.setting, target);
@@ -286,7 +286,7 @@ impl<'a> Simplifier<'a> {
             let (from, to) = self.evaluator.mapping[i];
             self.remove_wedge(from, Target::Wedge(to));
         }
-        self.evaluator.ring.touch_neighbours();
+        self.evaluator.forget_neighbours();
         self.move_faces(target);
         self.mesh.drop_list(position);
         let carried = if self.mesh.valence(target) == 0 {
@@ -309,11 +309,11 @@ impl<'a> Simplifier<'a> {
     fn move_faces(&mut self, target: u32) {
         self.killed_wedges.clear();
         let Evaluator { ring, mapping, .. } = &self.evaluator;
-        for face in ring.faces.iter().map(|f| f.face).filter(|face| face.touches(target)) {
+        for face in ring.faces().filter(|face| face.touches(target)) {
             self.killed_wedges.extend(self.mesh.kill(face.triangle()));
             self.order.removed.push(face.triangle());
         }
-        for face in ring.faces.iter().map(|f| f.face).filter(|face| !face.touches(target)) {
+        for face in ring.faces().filter(|face| !face.touches(target)) {
             if let Some(&(_, to)) = mapping.iter().find(|entry| entry.0 == face.wedge) {
                 self.mesh.repoint(face.corner, to, target);
             }
@@ -348,7 +348,7 @@ impl<'a> Simplifier<'a> {
     /// look at all of it is not part of every step beside it.
     fn look_again(&mut self, target: u32) {
         self.neighbours.clear();
-        self.neighbours.extend(self.evaluator.ring.neighbours.iter().map(|n| n.position));
+        self.neighbours.extend(self.evaluator.ring.neighbours().iter().map(|n| n.position));
         for i in 0..self.neighbours.len() {
             let neighbour = self.neighbours[i];
             let changed = neighbour == target && self.mesh.valence(neighbour) <= HUB;
@@ -431,10 +431,18 @@ impl<'a> Simplifier<'a> {
         }
         self.mesh.drop_dead(&mut self.left);
         self.looks -= self.left.len();
-        let point_of = |position| self.evaluator.ring.point(position);
-        let triangles = self.left.iter().map(|&triangle| self.mesh.positions_of(triangle).map(point_of));
-        let distances = triangles.map(|triangle| squared_distance(point, triangle));
-        distances.min_by(f32::total_cmp).map_or(distance, |least| least.sqrt().min(distance))
+        let point_of = |position: u32| self.evaluator.ring.point(position);
+        let triangle = |&triangle: &u32| self.mesh.positions_of(triangle).map(|p| widened(point_of(p)));
+        let (fours, rest) = self.left.as_chunks::<4>();
+        // The last few with one of them repeated.
+        let last = rest.last().map(|&last| [0, 1, 2, 3].map(|i| rest.get(i).copied().unwrap_or(last)));
+        let mut nearest = Vec4::splat(distance * distance);
+        for four in fours.iter().chain(&last) {
+            let [a, b, c, d] = four.each_ref().map(triangle);
+            let corners = [0, 1, 2].map(|k: usize| Four::of([a[k], b[k], c[k], d[k]]));
+            nearest = nearest.min(squared_distances(Four::splat(point), corners));
+        }
+        nearest.min_element().sqrt()
     }
 
     /// The next position in the order of the mesh, up or down, that has a triangle left.

@@ -2,15 +2,18 @@
 //!
 //! [`Ring::collect`] walks the corners of a position once and measures everything that the cost and the guards need.
 
-use glam::Vec3;
+use glam::{BVec4A, Vec3, Vec4};
 
+use super::four::{self, Four, narrowed, squared_distances, widened};
 use super::mesh::{CornerMesh, Face};
-use crate::geometry::quadric::Quadric;
+use crate::geometry::quadric::{Planes, Quadric};
 
 /// The weight of boundary planes against the surface's own, per squared edge length.
 const BOUNDARY_WEIGHT: f32 = 1.0;
 /// The same for creases, which the planes of both sides hold already where they are sharp.
 const CREASE_WEIGHT: f32 = 0.2;
+/// What a polyline moves when a vertex goes, as a share of how far the target is from the line of its far edge.
+const SAGITTA: f32 = 0.5;
 /// Two triangles fold when the sum of their outward directions is longer than this: a dihedral angle below 80 degrees.
 const FOLD: f32 = 1.53;
 /// The same as the cosine between their normals.
@@ -18,51 +21,111 @@ const FOLD_COS: f32 = 1.0 - 0.5 * FOLD * FOLD;
 /// Any other number of triangles bounds a surface when theirs is longer than this.
 const OPEN: f32 = 0.7;
 
-/// A position in a local frame of unit size, and where it is in the ring that was collected last.
+/// No two triangles whose normals are so near to the mean, by the square of the cosine, fold: 49 degrees.
+const FLAT_COS_SQUARED: f32 = 0.43;
+
+/// A position in a local frame of unit size, and where it is in the ring that was collected last. It takes one load.
 #[derive(Debug, Clone, Copy)]
+#[repr(C, align(16))]
 pub(super) struct Place {
     pub point: Vec3,
     mark: u32,
-    /// How often its triangles have changed.
-    version: u32,
 }
 
 impl Place {
     pub fn new(point: Vec3) -> Self {
-        Self { point, mark: 0, version: 0 }
+        Self { point, mark: 0 }
     }
 }
 
-/// A triangle of the ring; `a` and `b` are its other corners relative to the position.
+/// A triangle of the ring, and which neighbours its other corners are.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct RingFace {
-    pub face: Face,
-    pub a: Vec3,
-    pub b: Vec3,
-    pub cross: Vec3,
+struct RingFace {
+    face: Face,
+    slots: [u32; 2],
+}
+
+/// What is measured of four triangles of the ring; `a` and `b` are their other corners relative to the position. The
+/// last four repeat the last triangle if there are fewer.
+#[derive(Debug, Clone, Copy)]
+struct Measures {
+    a: Four,
+    b: Four,
+    cross: Four,
     /// The length of `cross`, twice the area.
-    pub twice: f32,
+    twice: Vec4,
+    /// The neighbours, by [`number_of`].
+    slots: [Vec4; 2],
+}
+
+impl Measures {
+    /// Which of the triangles go when the position goes onto this neighbour.
+    #[inline(always)]
+    fn dying(&self, slot: u32) -> BVec4A {
+        four::equal(self.slots[0], number_of(slot)) | four::equal(self.slots[1], number_of(slot))
+    }
+}
+
+/// A float for each number, so that numbers are compared four at a time; none is subnormal.
+#[inline(always)]
+fn number_of(slot: u32) -> f32 {
+    f32::from_bits(slot + 0x0080_0000)
 }
 
 /// One neighbour of the position.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Neighbour {
-    pub position: u32,
     /// Relative to the position.
-    pub offset: Vec3,
+    wide_offset: Vec4,
+    pub position: u32,
     /// Triangles on the edge.
     pub faces: u32,
-    /// Whether they name different wedges at the position.
-    pub crease: bool,
-    /// The target for which this was last found to lie across a triangle on the edge to it.
-    pub across: u32,
-    /// Whether these differ in colour or material.
-    tint: bool,
-    /// The wedge that the first of them names.
-    wedge: u32,
     /// The first and last triangle on the edge: twice its number in the ring, and one more where the neighbour is its
     /// corner `b`.
     sides: [u32; 2],
+}
+
+/// What a walk around a position writes to.
+struct Notes<'a> {
+    places: &'a mut [Place],
+    neighbours: &'a mut [Neighbour],
+    count: u32,
+    first_mark: u32,
+    origin: Vec3,
+}
+
+impl Notes<'_> {
+    /// Notes a corner of a triangle among the neighbours; returns its number there. Without a branch: every other corner
+    /// is a new neighbour.
+    #[inline(always)]
+    fn note(&mut self, other: u32, side: u32) -> u32 {
+        let place = &mut self.places[other as usize];
+        // A mark of an earlier ring wraps round to a large number.
+        let slot = place.mark.wrapping_sub(self.first_mark).min(self.count);
+        place.mark = self.first_mark + slot;
+        let is_new = u32::from(slot == self.count);
+        self.count += is_new;
+        let neighbour = &mut self.neighbours[slot as usize];
+        // All ones if it has been noted before.
+        let old = is_new.wrapping_sub(1);
+        *neighbour = Neighbour {
+            wide_offset: widened(place.point - self.origin),
+            position: other,
+            faces: (neighbour.faces & old) + 1,
+            sides: [neighbour.sides[0] & old | side & !old, side],
+        };
+        slot
+    }
+}
+
+impl Neighbour {
+    const NONE: Self = Self { wide_offset: Vec4::ZERO, position: super::mesh::NONE, faces: 0, sides: [0; 2] };
+
+    /// Relative to the position.
+    #[inline(always)]
+    pub fn offset(&self) -> Vec3 {
+        narrowed(self.wide_offset)
+    }
 }
 
 /// The ring, reused from position to position.
@@ -70,8 +133,11 @@ pub(super) struct Ring {
     pub places: Vec<Place>,
     /// What each wedge has of colour or material; empty where no wedge has any.
     tags: Vec<u32>,
-    pub faces: Vec<RingFace>,
-    pub neighbours: Vec<Neighbour>,
+    faces: Vec<RingFace>,
+    measures: Vec<Measures>,
+    /// The neighbours, and what earlier rings have left behind them.
+    all_neighbours: Vec<Neighbour>,
+    neighbour_count: usize,
     /// Marks from here on belong to the current ring.
     first_mark: u32,
     pub origin: Vec3,
@@ -79,9 +145,6 @@ pub(super) struct Ring {
     /// The sum of the triangles' areas as vectors, twice.
     pub around: Vec3,
     pub quadric: Quadric,
-    /// Changes with every change of the triangles at the position or at a neighbour: the version of the position, and
-    /// the sum of the neighbours'.
-    pub stamp: (u32, u32),
     /// Whether edges with other than two triangles form a chain through the position: `Some(false)` if it has none,
     /// `Some(true)` along a boundary or a seam where sheets meet, `None` at a junction of such edges.
     pub chain: Option<bool>,
@@ -93,13 +156,14 @@ impl Ring {
             places,
             tags,
             faces: Vec::new(),
-            neighbours: Vec::new(),
+            measures: Vec::new(),
+            all_neighbours: Vec::new(),
+            neighbour_count: 0,
             first_mark: 1,
             origin: Vec3::ZERO,
             area: 0.0,
             around: Vec3::ZERO,
             quadric: Quadric::default(),
-            stamp: (0, 0),
             chain: Some(false),
         }
     }
@@ -115,93 +179,136 @@ impl Ring {
         (mark >= self.first_mark).then(|| (mark - self.first_mark) as usize)
     }
 
+    /// The neighbours of the position.
+    #[inline(always)]
+    pub fn neighbours(&self) -> &[Neighbour] {
+        &self.all_neighbours[..self.neighbour_count]
+    }
+
+    /// The triangles around the position.
+    #[inline(always)]
+    pub fn faces(&self) -> impl ExactSizeIterator<Item = &Face> + Clone {
+        self.faces.iter().map(|f| &f.face)
+    }
+
+    /// One of them.
+    pub fn face(&self, i: usize) -> Face {
+        self.faces[i].face
+    }
+
+    /// The other corners of the `i`-th triangle, relative to the position.
+    pub fn corners(&self, i: usize) -> [Vec3; 2] {
+        self.faces[i].slots.map(|slot| self.all_neighbours[slot as usize].offset())
+    }
+
     /// Walks around a position.
     pub fn collect(&mut self, mesh: &mut CornerMesh, position: u32) {
         self.begin(position);
-        mesh.collect_faces(position, |face| self.add_face(face));
+        let most = 2 * mesh.listed(position);
+        if self.all_neighbours.len() < most {
+            self.all_neighbours.resize(most.next_power_of_two().max(4), Neighbour::NONE);
+        }
+        self.gather(mesh, position);
+        self.measure();
         self.add_bounds();
     }
 
     #[inline(always)]
-    fn add_face(&mut self, face: Face) {
-        let side = 2 * self.faces.len() as u32;
-        let a = self.note(face.positions[0], face.wedge, side);
-        let b = self.note(face.positions[1], face.wedge, side + 1);
-        let cross = a.cross(b);
-        let twice = cross.length();
-        if twice > 0.0 {
-            self.quadric.add_plane(cross, 0.5 / twice);
-            self.area += 0.5 * twice;
-            self.around += cross;
+    fn gather(&mut self, mesh: &mut CornerMesh, position: u32) {
+        // Triangles are far apart in memory: all are loaded before anything is done with one of them.
+        let faces = &mut self.faces;
+        mesh.collect_faces(position, |face| faces.push(RingFace { face, slots: [0; 2] }));
+        let mut notes = Notes {
+            places: &mut self.places,
+            neighbours: &mut self.all_neighbours,
+            count: 0,
+            first_mark: self.first_mark,
+            origin: self.origin,
+        };
+        for (f, side) in self.faces.iter_mut().zip((0..).step_by(2)) {
+            let [a, b] = f.face.positions;
+            f.slots = [notes.note(a, side), notes.note(b, side + 1)];
         }
-        self.faces.push(RingFace { face, a, b, cross, twice });
-    }
-
-    /// Notes a corner of a triangle among the neighbours; returns where it is, relative to the position.
-    #[inline(always)]
-    fn note(&mut self, other: u32, wedge: u32, side: u32) -> Vec3 {
-        let place = &mut self.places[other as usize];
-        if place.mark >= self.first_mark {
-            let neighbour = &mut self.neighbours[(place.mark - self.first_mark) as usize];
-            neighbour.faces += 1;
-            if neighbour.wedge != wedge {
-                neighbour.crease = true;
-                let tag = |wedge: u32| self.tags.get(wedge as usize);
-                neighbour.tint |= tag(neighbour.wedge) != tag(wedge);
-            }
-            neighbour.sides[1] = side;
-            return neighbour.offset;
-        }
-        place.mark = self.first_mark + self.neighbours.len() as u32;
-        let offset = place.point - self.origin;
-        self.stamp.1 = self.stamp.1.wrapping_add(place.version);
-        self.neighbours.push(Neighbour {
-            position: other,
-            offset,
-            faces: 1,
-            crease: false,
-            tint: false,
-            across: super::mesh::NONE,
-            wedge,
-            sides: [side; 2],
-        });
-        offset
+        self.neighbour_count = notes.count as usize;
     }
 
     fn begin(&mut self, position: u32) {
-        self.first_mark += self.neighbours.len() as u32;
+        self.first_mark += self.neighbour_count as u32;
         if self.first_mark > u32::MAX / 2 {
             self.places.iter_mut().for_each(|place| place.mark = 0);
             self.first_mark = 1;
         }
         self.faces.clear();
-        self.neighbours.clear();
-        self.area = 0.0;
-        self.around = Vec3::ZERO;
-        self.quadric = Quadric::default();
+        self.measures.clear();
+        self.neighbour_count = 0;
         self.chain = Some(false);
         self.origin = self.point(position);
-        self.stamp = (self.places[position as usize].version, 0);
     }
 
-    /// Notes that the triangles at all neighbours are about to change.
-    pub fn touch_neighbours(&mut self) {
-        for neighbour in &self.neighbours {
-            let version = &mut self.places[neighbour.position as usize].version;
-            *version = version.wrapping_add(1);
+    /// Measures the triangles, four at a time.
+    #[inline(always)]
+    fn measure(&mut self) {
+        let mut planes = Planes::default();
+        let (mut area, mut around) = (Vec4::ZERO, Four::ZERO);
+        let count = self.faces.len();
+        if let Some(&last) = self.faces.last() {
+            self.faces.resize(count.next_multiple_of(4), last);
         }
+        let (groups, _) = self.faces.as_chunks::<4>();
+        for (group, left) in groups.iter().zip((1..=count).rev().step_by(4)) {
+            let slots = [0, 1, 2, 3].map(|i: usize| group[i].slots);
+            let corner = |k: usize| Four::of(slots.map(|s| self.all_neighbours[s[k] as usize].wide_offset));
+            let (a, b) = (corner(0), corner(1));
+            let cross = a.cross(b);
+            let twice_squared = cross.length_squared();
+            let twice = twice_squared.sqrt();
+            let numbers = |k: usize| Vec4::from_array(slots.map(|s| number_of(s[k])));
+            self.measures.push(Measures { a, b, cross, twice, slots: [numbers(0), numbers(1)] });
+            let real =
+                Vec4::new(0.0, 1.0, 2.0, 3.0).cmplt(Vec4::splat(left as f32)) & twice.cmpgt(Vec4::ZERO);
+            let weight = Vec4::select(real, 0.5 / twice, Vec4::ZERO);
+            planes.add([cross.x, cross.y, cross.z], weight);
+            area += Vec4::select(real, 0.5 * twice, Vec4::ZERO);
+            around = around + cross * Vec4::select(real, Vec4::ONE, Vec4::ZERO);
+        }
+        self.faces.truncate(count);
+        self.quadric = planes.sum();
+        self.area = area.element_sum();
+        self.around = around.sum();
+    }
+
+    /// Whether no two triangles fold, if those at each edge are wound alike: their normals are all near the mean.
+    fn is_flat(&self) -> bool {
+        let around = Four::splat(self.around);
+        let limit = FLAT_COS_SQUARED * self.around.length_squared();
+        self.measures.iter().all(|m| {
+            let along = m.cross.dot(around);
+            let near = (along * along).cmpge(limit * m.twice * m.twice);
+            (near & along.cmpgt(Vec4::ZERO)).all()
+        })
+    }
+
+    /// Whether two triangles meet at the edge, wound alike, which name one wedge at the position.
+    #[inline(always)]
+    fn is_plain(&self, neighbour: &Neighbour) -> bool {
+        let [first, second] = neighbour.sides;
+        let wedge = |side: u32| self.faces[side as usize / 2].face.wedge;
+        neighbour.faces == 2 && (first ^ second) & 1 == 1 && wedge(first) == wedge(second)
     }
 
     /// The first and the last triangle on the edge to a neighbour.
-    pub fn faces_at(&self, neighbour: &Neighbour) -> [&RingFace; 2] {
-        neighbour.sides.map(|side| &self.faces[side as usize / 2])
+    pub fn faces_at(&self, neighbour: &Neighbour) -> [usize; 2] {
+        neighbour.sides.map(|side| side as usize / 2)
     }
 
     /// Adds the planes along the edges that bound the surface.
     fn add_bounds(&mut self) {
+        if self.neighbours().iter().all(|neighbour| self.is_plain(neighbour)) && self.is_flat() {
+            return;
+        }
         let mut features = (0, 0);
-        for slot in 0..self.neighbours.len() {
-            let neighbour = self.neighbours[slot];
+        for slot in 0..self.neighbour_count {
+            let neighbour = self.all_neighbours[slot];
             if neighbour.faces != 2 {
                 self.chain = match features {
                     (0, _) => None,
@@ -211,38 +318,59 @@ impl Ring {
                 features = (features.0 + 1, neighbour.faces);
             }
             if let Some((normal, weight)) = self.bounding_plane(&neighbour) {
-                self.quadric.add_plane(normal, weight * neighbour.offset.length_squared());
+                self.quadric.add_plane(normal, weight * neighbour.offset().length_squared());
             }
         }
+    }
+
+    fn cross(&self, face: usize) -> Vec3 {
+        self.measures[face / 4].cross.lane(face % 4)
+    }
+
+    fn twice(&self, face: usize) -> f32 {
+        self.measures[face / 4].twice[face % 4]
+    }
+
+    /// Whether the triangles on the edge to a neighbour name different wedges at the position, and whether these differ
+    /// in colour or material.
+    fn crease(&self, neighbour: &Neighbour) -> (bool, bool) {
+        let wedge = |side: u32| self.faces[side as usize / 2].face.wedge;
+        let [first, last] = neighbour.sides.map(wedge);
+        if neighbour.faces > 2 {
+            let mut others = self.faces().filter(|face| face.touches(neighbour.position));
+            return (others.any(|face| face.wedge != first), false);
+        }
+        let tag = |wedge: u32| self.tags.get(wedge as usize);
+        (first != last, first != last && tag(first) != tag(last))
     }
 
     /// Whether the two triangles on the edge to a neighbour turn back onto each other.
     fn folds(&self, neighbour: &Neighbour) -> bool {
         let [first, second] = neighbour.sides;
-        let (f, g) = (&self.faces[first as usize / 2], &self.faces[second as usize / 2]);
-        let cos = f.cross.dot(g.cross);
+        let [f, g] = self.faces_at(neighbour);
+        let cos = self.cross(f).dot(self.cross(g));
         // Triangles that are wound alike see the edge from different ends.
         let cos = if (first ^ second) & 1 == 0 { -cos } else { cos };
-        cos < FOLD_COS * f.twice * g.twice
+        cos < FOLD_COS * self.twice(f) * self.twice(g)
     }
 
     /// The plane that holds the edge where it bounds the surface, and its weight. The planes of the triangles
     /// themselves hold the surface only across, never along.
     fn bounding_plane(&self, neighbour: &Neighbour) -> Option<(Vec3, f32)> {
-        if neighbour.faces == 2 && !neighbour.crease && !self.folds(neighbour) {
+        let (crease, tint) = self.crease(neighbour);
+        if neighbour.faces == 2 && !crease && !self.folds(neighbour) {
             return None;
         }
-        if neighbour.tint && neighbour.faces == 2 {
+        if tint && neighbour.faces == 2 {
             // Seen as clearly as an open edge, however smoothly the surface goes on.
-            let side = neighbour.sides[0];
-            return Some((self.faces[side as usize / 2].outwards(side & 1 == 0), BOUNDARY_WEIGHT));
+            return Some((self.outwards(neighbour.sides[0]), BOUNDARY_WEIGHT));
         }
         let conormal = self.conormal(neighbour);
         let length = conormal.length();
         let limit = if neighbour.faces == 2 { FOLD } else { OPEN };
         if length > limit {
             Some((conormal / length, BOUNDARY_WEIGHT))
-        } else if neighbour.crease && length > 0.0 {
+        } else if crease && length > 0.0 {
             Some((conormal / length, CREASE_WEIGHT))
         } else {
             None
@@ -254,53 +382,79 @@ impl Ring {
     fn conormal(&self, neighbour: &Neighbour) -> Vec3 {
         if neighbour.faces <= 2 {
             let sides = &neighbour.sides[..neighbour.faces as usize];
-            return sides.iter().map(|&side| self.faces[side as usize / 2].outwards(side & 1 == 0)).sum();
+            return sides.iter().map(|&side| self.outwards(side)).sum();
         }
         let mut sum = Vec3::ZERO;
-        for face in &self.faces {
-            for i in [0, 1] {
-                if face.face.positions[i] == neighbour.position {
-                    sum += face.outwards(i == 0);
-                }
+        for (side, position) in (0..).zip(self.faces().flat_map(|face| face.positions)) {
+            if position == neighbour.position {
+                sum += self.outwards(side);
             }
         }
         sum
     }
 
-    /// How far a step by `offset` leaves the lines along which the surface is bounded or creased.
-    pub fn slide(&self, offset: Vec3) -> f32 {
-        let planes = self.neighbours.iter().filter_map(|neighbour| self.bounding_plane(neighbour));
-        planes.map(|(normal, _)| normal.dot(offset).abs()).fold(0.0, f32::max)
+    /// The unit vector that leads out of a triangle across its edge from the position to `a` or to `b`.
+    fn outwards(&self, side: u32) -> Vec3 {
+        let face = side as usize / 2;
+        let ([a, b], cross) = (self.corners(face), self.cross(face));
+        let across = if side & 1 == 0 { a.cross(cross) } else { cross.cross(b) };
+        across.normalize_or_zero()
     }
 
-    /// The squared distance from the position to the triangles that are left of the ring when it goes.
-    pub fn gap(&self, target: u32, offset: Vec3) -> f32 {
-        let left = self.faces.iter().filter(|f| !f.face.touches(target));
-        let gaps = left.map(|f| super::drift::squared_distance(Vec3::ZERO, [offset, f.a, f.b]));
-        gaps.min_by(f32::total_cmp).unwrap_or(offset.length_squared())
+    /// How far a step by `offset` moves the lines along which the surface is bounded or creased: the position is no
+    /// farther from what is left of a line than from the neighbour on it, which stays.
+    pub fn slide(&self, offset: Vec3) -> f32 {
+        let moved = |neighbour: &Neighbour| {
+            let (normal, _) = self.bounding_plane(neighbour)?;
+            Some((SAGITTA * normal.dot(offset).abs()).min(neighbour.offset().length()))
+        };
+        self.neighbours().iter().filter_map(moved).fold(0.0, f32::max)
+    }
+
+    /// The quadric at every neighbour, and `shortness` for the square of its distance; four at a time.
+    pub fn costs(&self, shortness: f32, costs: &mut Vec<Vec4>) {
+        costs.clear();
+        // What earlier rings have left fills up the last four.
+        let padded = &self.all_neighbours[..self.neighbour_count.next_multiple_of(4)];
+        let (groups, _) = padded.as_chunks::<4>();
+        costs.extend(groups.iter().map(|group| {
+            let offsets = Four::of([0, 1, 2, 3].map(|i: usize| group[i].wide_offset));
+            self.quadric.at_four([offsets.x, offsets.y, offsets.z]) + shortness * offsets.length_squared()
+        }));
+    }
+
+    /// The squared distance from the position to the triangles that are left of the ring when it goes onto this
+    /// neighbour.
+    pub fn gap(&self, slot: u32) -> f32 {
+        let offset = self.all_neighbours[slot as usize].offset();
+        let apex = Four::splat(offset);
+        let mut nearest = Vec4::INFINITY;
+        for m in &self.measures {
+            let distances = squared_distances(Four::ZERO, [apex, m.a, m.b]);
+            nearest = nearest.min(Vec4::select(m.dying(slot), Vec4::INFINITY, distances));
+        }
+        let nearest = nearest.min_element();
+        if nearest < f32::INFINITY { nearest } else { offset.length_squared() }
+    }
+
+    /// Whether a triangle that is left would turn by more than the limit, or lose its area, if the position went onto
+    /// this neighbour. A triangle without area takes the side of the ring, whose area as a vector is `around`.
+    pub fn turns(&self, slot: u32, limit: f32) -> bool {
+        let offset = Four::splat(self.all_neighbours[slot as usize].offset());
+        let around = Four::splat(self.around);
+        self.measures.iter().any(|m| {
+            let after = m.cross - (m.a - m.b).cross(offset);
+            let dot = m.cross.dot(after);
+            let least = limit * limit * m.twice * m.twice * after.length_squared();
+            let turns = dot.cmple(Vec4::ZERO) | (dot * dot).cmple(least);
+            let opposes = after.dot(around).cmplt(Vec4::ZERO);
+            let has_area = m.twice.cmpgt(Vec4::ZERO);
+            (!m.dying(slot) & ((has_area & turns) | (!has_area & opposes))).any()
+        })
     }
 
     /// Whether the ring has a triangle with these two other corners.
     pub fn has_face(&self, [a, b]: [u32; 2]) -> bool {
-        self.faces.iter().any(|f| f.face.touches(a) && f.face.touches(b))
-    }
-}
-
-impl RingFace {
-    /// The unit vector that leads out of the triangle across its edge from the position to `a` or to `b`.
-    fn outwards(&self, over_a: bool) -> Vec3 {
-        let across = if over_a { self.a.cross(self.cross) } else { self.cross.cross(self.b) };
-        across.normalize_or_zero()
-    }
-
-    /// Whether the triangle would turn by more than the limit, or lose its area, if the position moved by `offset`.
-    /// A triangle without area takes the side of the ring, whose area as a vector is `around`.
-    pub fn flips(&self, offset: Vec3, around: Vec3, limit: f32) -> bool {
-        let after = self.cross - (self.a - self.b).cross(offset);
-        if self.twice <= 0.0 {
-            return after.dot(around) < 0.0;
-        }
-        let dot = self.cross.dot(after);
-        dot <= 0.0 || dot * dot <= limit * limit * self.twice * self.twice * after.length_squared()
+        self.faces().any(|face| face.touches(a) && face.touches(b))
     }
 }

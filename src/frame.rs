@@ -31,7 +31,7 @@ use crate::scene::Scene;
 use crate::scene::camera::Camera;
 use crate::select::states::StateChooser;
 use crate::select::{SelectOn, Wishes};
-use crate::stats::{FrameRecord, memory};
+use crate::stats::{FrameRecord, floor, memory};
 use crate::stream::gather::BatchUpload;
 use crate::stream::staging::Staging;
 use crate::stream::{Delta, Residency, ResidencyError, State, Strategy};
@@ -463,7 +463,11 @@ impl Renderer {
         for (stage, ms) in self.timer.read(&self.gpu)? {
             let Some(ms) = ms else { continue };
             match stage {
-                "grant" | "prefix_sum" | "defragment" => record.defragment_ms += ms,
+                "grant" => (record.grant_ms, record.defragment_ms) = (ms, record.defragment_ms + ms),
+                "prefix_sum" => {
+                    (record.prefix_sum_ms, record.defragment_ms) = (ms, record.defragment_ms + ms)
+                }
+                "defragment" => record.defragment_ms += ms,
                 "reform" => record.reform_ms += ms,
                 "draw" => record.draw_ms = ms,
                 _ => {}
@@ -474,6 +478,12 @@ impl Renderer {
         record.active_vertices = sum(0);
         record.active_ecol = sum(1);
         record.active_triangles = sum(2);
+        record.draw_floor_bytes = floor::draw(&floor::Drawn {
+            vertices: record.active_vertices,
+            triangles: record.active_triangles,
+            rows: self.held.len() as u64 + record.boxes,
+            pixels: u64::from(self.settings.width) * u64::from(self.settings.height),
+        });
         record.existing_vertices = record.active_vertices.saturating_sub(record.streamed_vertices);
         record.existing_ecol = record.active_ecol.saturating_sub(record.streamed_ecol);
         record.existing_triangles = record.active_triangles.saturating_sub(record.streamed_triangles);

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use assert_cmd::Command;
 use collapsar::bake::{BakeReport, PartReport, StalledPart};
 use collapsar::compare::{Comparison, DealtRow, Figures, PartRow, RatioRow};
+use collapsar::stats::adapter::AdapterReport;
 use collapsar::stats::report::Flight;
 use collapsar::stats::{FrameRecord, Summary};
 use collapsar::synth::SynthReport;
@@ -93,6 +94,11 @@ fn every_column_and_key_of_a_comparison_is_documented() {
 #[test]
 fn every_key_of_a_synth_report_is_documented() {
     assert_documented("synth --json", &serde_json::to_value(SynthReport::default()).unwrap());
+}
+
+#[test]
+fn every_key_of_an_adapter_report_is_documented() {
+    assert_documented("bandwidth --json", &serde_json::to_value(AdapterReport::default()).unwrap());
 }
 
 #[test]

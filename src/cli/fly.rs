@@ -1,5 +1,6 @@
 //! `collapsar fly`: a container and a camera path in; pictures, a record per frame and a summary out.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -438,6 +439,8 @@ fn describe(summary: &Summary) -> String {
             human::milliseconds(summary.frame_ms_p99)
         ),
         format!("stages (ms)  {}", stages.join(", ")),
+        format!("passes (ms)  {}", passes(&summary.pass_ms, |ms| ms.map_or("-".into(), human::milliseconds))),
+        format!("floor        {}", passes(&summary.floor_bytes, |bytes| human::bytes(*bytes as u64))),
         format!(
             "memory       {} on the GPU, {} of the model resident",
             human::bytes(summary.gpu_bytes_peak),
@@ -472,4 +475,11 @@ fn describe_live(summary: &Summary) -> [String; 3] {
             human::count(summary.major_faults_total)
         ),
     ]
+}
+
+/// The passes with a figure each, in the order of the frame.
+fn passes<T>(figures: &BTreeMap<String, T>, text: impl Fn(&T) -> String) -> String {
+    let passes = FrameRecord::default().passes().map(|(pass, ..)| pass);
+    let told = passes.into_iter().filter_map(|pass| Some(format!("{pass} {}", text(figures.get(pass)?))));
+    told.collect::<Vec<_>>().join(", ")
 }

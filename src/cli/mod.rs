@@ -1,6 +1,7 @@
 //! The verbs of the command line, one file each, and what they share.
 
 mod bake;
+mod bandwidth;
 mod compare;
 mod demo;
 mod export;
@@ -56,6 +57,8 @@ enum Verb {
     Report(report::ReportArguments),
     /// Make a CAD-like assembly of any size: an airliner, a ship or a plant.
     Synth(synth::SynthArguments),
+    /// Measure how fast the graphics adapter's memory moves bytes.
+    Bandwidth(bandwidth::BandwidthArguments),
     /// Bake the bundled models and fly them with all strategies.
     Demo(demo::DemoArguments),
 }
@@ -71,6 +74,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         Verb::Fly(arguments) => fly::run(&arguments),
         Verb::Report(arguments) => report::run(&arguments),
         Verb::Synth(arguments) => synth::run(&arguments),
+        Verb::Bandwidth(arguments) => bandwidth::run(&arguments),
         Verb::Demo(arguments) => demo::run(&arguments),
     }
 }

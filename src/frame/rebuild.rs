@@ -11,7 +11,7 @@ use crate::passes::defragment::{DefragmentBuffers, Stream};
 use crate::passes::grant::GrantBuffers;
 use crate::passes::reform::ReformBuffers;
 use crate::passes::{Defragment, GrantPass, PrefixSum, Reform};
-use crate::stats::FrameRecord;
+use crate::stats::{FrameRecord, floor};
 use crate::stream::gather::BatchUpload;
 
 /// The passes between upload and draw.
@@ -34,22 +34,6 @@ impl Rebuild {
 
     pub fn size_bytes(&self) -> u64 {
         self.prefix_sum.size_bytes()
-    }
-
-    /// Records everything up to the active buffers of one batch.
-    fn record_active(
-        &mut self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        timer: &mut Timer,
-        batch: &Batch,
-        upload: &BatchUpload,
-        totals: [u32; STREAMS],
-    ) -> Result<(), GpuError> {
-        self.record_grants(gpu, encoder, timer, batch, upload);
-        self.record_starts(gpu, encoder, timer, batch)?;
-        self.record_defragment(gpu, encoder, timer, batch, upload, totals);
-        Ok(())
     }
 
     fn record_grants(
@@ -234,15 +218,25 @@ impl Renderer {
         let changed: Vec<usize> = (0..uploads.len()).filter(|&batch| !uploads[batch].is_empty()).collect();
         // `ensure` has checked the totals against buffer sizes, which are far below 2^32 elements.
         let totals = |batch: usize| uploads[batch].totals.map(|total| total as u32);
-        let started = Instant::now();
+        let mut clock = Instant::now();
         let mut encoder = self.gpu.encoder("defragment");
         for &number in &changed {
-            let totals = totals(number);
             let (batch, upload) = (&self.batches[number], &uploads[number]);
-            self.rebuild.record_active(&self.gpu, &mut encoder, &mut self.timer, batch, upload, totals)?;
+            self.rebuild.record_grants(&self.gpu, &mut encoder, &mut self.timer, batch, upload);
+        }
+        record.grant_ms = self.end_pass(&mut encoder, &mut clock)?;
+        for &number in &changed {
+            let batch = &self.batches[number];
+            self.rebuild.record_starts(&self.gpu, &mut encoder, &mut self.timer, batch)?;
+        }
+        record.prefix_sum_ms = self.end_pass(&mut encoder, &mut clock)?;
+        for &number in &changed {
+            let (batch, upload) = (&self.batches[number], &uploads[number]);
+            let (encoder, timer) = (&mut encoder, &mut self.timer);
+            self.rebuild.record_defragment(&self.gpu, encoder, timer, batch, upload, totals(number));
         }
         self.gpu.submit(encoder)?;
-        record.defragment_ms = self.wait_if_not_timed(started)?;
+        record.defragment_ms = record.grant_ms + record.prefix_sum_ms + self.wait_if_not_timed(clock)?;
 
         let started = Instant::now();
         let mut encoder = self.gpu.encoder("reform");
@@ -255,6 +249,7 @@ impl Renderer {
         }
         self.gpu.submit(encoder)?;
         record.reform_ms = self.wait_if_not_timed(started)?;
+        self.count_floors(&changed, uploads, record);
         record.bytes_tables += DRAW_BYTES * changed.len() as u64;
         record.compute_passes += PASSES_A_BATCH * changed.len() as u64;
         Ok(())
@@ -266,6 +261,49 @@ impl Renderer {
             batch.swap(upload.totals.map(|total| total as u32));
             record.bytes_tables += DRAW_BYTES;
         }
+    }
+
+    /// Where the adapter has no timestamps of its own, what was recorded so far is submitted, to be timed by itself.
+    fn end_pass(&self, encoder: &mut wgpu::CommandEncoder, clock: &mut Instant) -> Result<f64, FrameError> {
+        if self.gpu.timestamps || !self.settings.time_stages {
+            return Ok(0.0);
+        }
+        self.gpu.submit(std::mem::replace(encoder, self.gpu.encoder("defragment")))?;
+        let ms = self.wait_if_not_timed(*clock)?;
+        *clock = Instant::now();
+        Ok(ms)
+    }
+
+    /// What the passes of the rebuilt batches must move.
+    fn count_floors(&self, changed: &[usize], uploads: &[BatchUpload], record: &mut FrameRecord) {
+        let drawn = self.drawn_by_batch();
+        for &number in changed {
+            let BatchUpload { grants, layout, totals, .. } = &uploads[number];
+            let rebuilt = floor::Rebuilt {
+                instances: self.batches[number].instance_count().into(),
+                drawn: drawn[number],
+                grants: grants.len() as u64,
+                active: *totals,
+                streamed: [layout.vertices, layout.ecol, layout.triangles],
+            };
+            record.grant_floor_bytes += floor::grant(&rebuilt);
+            record.prefix_sum_floor_bytes += floor::prefix_sum(&rebuilt);
+            record.defragment_floor_bytes += floor::defragment(&rebuilt);
+            record.reform_floor_bytes += floor::reform(&rebuilt);
+        }
+    }
+
+    /// How many instances of each batch have anything on the GPU.
+    fn drawn_by_batch(&self) -> Vec<u64> {
+        if let [_] = self.batches.as_slice() {
+            return vec![self.held.len() as u64];
+        }
+        let mut drawn = vec![0; self.batches.len()];
+        for &instance in &self.held {
+            // Dealt in turn.
+            drawn[instance as usize % self.batches.len()] += 1;
+        }
+        drawn
     }
 
     /// Where the adapter has no timestamps of its own, a stage is timed by waiting for it.

@@ -6,7 +6,7 @@ use crate::gpu::shader::{self, Kernel, KernelLayout, Shader, read, uniform, writ
 use crate::gpu::{Gpu, GpuError};
 
 /// Elements that one workgroup sums.
-const BLOCK: u32 = 256;
+pub(crate) const BLOCK: u32 = 256;
 
 /// The declaration.
 pub const SHADER: Shader = Shader {
@@ -104,7 +104,7 @@ impl PrefixSum {
 }
 
 /// How many sums each level has: the last one fits one block.
-fn level_counts(count: u32) -> Vec<u32> {
+pub(crate) fn level_counts(count: u32) -> Vec<u32> {
     let mut counts = vec![count];
     let mut last = count;
     while last > BLOCK {

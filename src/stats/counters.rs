@@ -114,6 +114,10 @@ frame_record! {
     reform_ms: f64,
     /// Stage 7.
     draw_ms: f64,
+    /// Of stage 5, the grants; 0 where they are not timed.
+    grant_ms: f64,
+    /// Of stage 5, the prefix sums; 0 where they are not timed.
+    prefix_sum_ms: f64,
     /// The whole frame.
     frame_ms: f64,
     /// When the frame was done, since the model began to be opened.
@@ -126,6 +130,16 @@ frame_record! {
     memory_bytes: u64,
     /// How many compute passes ran.
     compute_passes: u64,
+    /// Bytes that the grants must move (`stats::floor`).
+    grant_floor_bytes: u64,
+    /// Bytes that the prefix sums must move.
+    prefix_sum_floor_bytes: u64,
+    /// Bytes that the defragmentation must move.
+    defragment_floor_bytes: u64,
+    /// Bytes that the reformation must move.
+    reform_floor_bytes: u64,
+    /// Bytes that drawing must move.
+    draw_floor_bytes: u64,
 }
 
 impl FrameRecord {
@@ -140,6 +154,18 @@ impl FrameRecord {
             ("defragment", self.defragment_ms),
             ("reform", self.reform_ms),
             ("draw", self.draw_ms),
+        ]
+    }
+
+    /// Milliseconds, and bytes that must be moved, by pass of the GPU, in the order of the frame.
+    pub fn passes(&self) -> [(&'static str, f64, u64); 5] {
+        let copies_ms = (self.defragment_ms - self.grant_ms - self.prefix_sum_ms).max(0.0);
+        [
+            ("grant", self.grant_ms, self.grant_floor_bytes),
+            ("prefix_sum", self.prefix_sum_ms, self.prefix_sum_floor_bytes),
+            ("defragment", copies_ms, self.defragment_floor_bytes),
+            ("reform", self.reform_ms, self.reform_floor_bytes),
+            ("draw", self.draw_ms, self.draw_floor_bytes),
         ]
     }
 }

@@ -139,6 +139,12 @@ pub struct Summary {
     pub full_detail_ms: Option<f64>,
     /// Mean milliseconds by stage.
     pub stage_ms: BTreeMap<String, f64>,
+    /// Mean milliseconds by pass of the GPU; `None` for one that never took any time.
+    #[serde(default)]
+    pub pass_ms: BTreeMap<String, Option<f64>>,
+    /// Mean bytes that each pass must move in the GPU's memory ([`super::floor`]).
+    #[serde(default)]
+    pub floor_bytes: BTreeMap<String, f64>,
     /// Instances of which less had arrived than was wished for, in all frames.
     pub misses_total: u64,
     /// Bytes read from disk in all.
@@ -186,6 +192,12 @@ impl Summary {
             half_detail_ms: reached(records, |r| 2 * r.active_vertices >= r.wished_vertices),
             full_detail_ms: reached(records, is_full),
             stage_ms: stage_means(records),
+            pass_ms: pass_means(records, |ms, _| ms)
+                .map(|(pass, ms)| (pass.to_owned(), (ms > 0.0).then_some(ms)))
+                .collect(),
+            floor_bytes: pass_means(records, |_, bytes| bytes as f64)
+                .map(|(pass, bytes)| (pass.to_owned(), bytes))
+                .collect(),
             misses_total: total(|r| r.misses),
             disk_bytes_total: total(|r| r.disk_bytes),
             major_faults_total: total(|r| r.major_faults),
@@ -232,6 +244,21 @@ fn stage_means(records: &[FrameRecord]) -> BTreeMap<String, f64> {
         *means.entry(stage.to_owned()).or_default() += ms / frames;
     }
     means
+}
+
+/// The mean of one figure of every pass, of its milliseconds and its bytes.
+fn pass_means(
+    records: &[FrameRecord],
+    figure: fn(f64, u64) -> f64,
+) -> impl Iterator<Item = (&'static str, f64)> {
+    let frames = records.len().max(1) as f64;
+    let mut means = FrameRecord::default().passes().map(|(pass, ..)| (pass, 0.0));
+    for record in records {
+        for (mean, (_, ms, bytes)) in means.iter_mut().zip(record.passes()) {
+            mean.1 += figure(ms, bytes) / frames;
+        }
+    }
+    means.into_iter()
 }
 
 /// The nearest-rank percentile (`percent` from 0 to 100): the least value that at least that share does not exceed.
@@ -342,11 +369,36 @@ mod tests {
     fn summaries_of_older_versions_can_be_read() {
         let mut json = serde_json::to_value(Summary::new(Flight::default(), &records())).unwrap();
         let object = json.as_object_mut().unwrap();
-        for key in ["version", "command", "cpu", "cores", "memory_bytes", "model", "parts", "frame_ms_p999"] {
+        for key in [
+            "version",
+            "command",
+            "cpu",
+            "cores",
+            "memory_bytes",
+            "model",
+            "parts",
+            "frame_ms_p999",
+            "pass_ms",
+            "floor_bytes",
+        ] {
             assert!(object.remove(key).is_some(), "{key}");
         }
         let summary: Summary = serde_json::from_value(json).unwrap();
         assert_eq!((summary.frames, summary.flight.cpu, summary.frame_ms_p999), (4, None, 0.0));
+    }
+
+    #[test]
+    fn passes_have_means_and_those_without_time_none() {
+        let frame = |ms: f64, bytes: u64| FrameRecord {
+            grant_ms: ms,
+            defragment_ms: 5.0 * ms,
+            grant_floor_bytes: bytes,
+            ..Default::default()
+        };
+        let summary = Summary::new(Flight::default(), &[frame(1.0, 10), frame(0.0, 0)]);
+        assert_eq!((summary.pass_ms["grant"], summary.floor_bytes["grant"]), (Some(0.5), 5.0));
+        assert_eq!((summary.pass_ms["defragment"], summary.pass_ms["draw"]), (Some(2.0), None));
+        assert_eq!(summary.pass_ms.len(), summary.floor_bytes.len());
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use crate::workplace::Workplace;
 
-const VERBS: [&str; 8] = ["bake", "info", "verify", "export", "compare", "fly", "synth", "demo"];
+const VERBS: [&str; 9] = ["bake", "info", "verify", "export", "compare", "fly", "synth", "bandwidth", "demo"];
 
 fn help(arguments: &[&str]) -> String {
     let outcome = Workplace::new().run(arguments).succeeded();

@@ -205,6 +205,13 @@ fn assert_summary(summary: &Value) {
     let named = ["select", "residency", "delta", "gather", "upload", "defragment", "reform", "draw"];
     assert_eq!(stages, named.into());
     assert!(summary["stage_ms"].as_object().unwrap().values().all(Value::is_f64));
+    for pass in ["grant", "prefix_sum", "defragment", "reform", "draw"] {
+        assert!(summary["pass_ms"][pass].as_f64().is_some_and(|ms| ms > 0.0), "{pass}: {summary:#}");
+        assert!(
+            summary["floor_bytes"][pass].as_f64().is_some_and(|bytes| bytes > 0.0),
+            "{pass}: {summary:#}"
+        );
+    }
 }
 
 #[test]
@@ -340,4 +347,23 @@ fn a_bake_is_the_same_for_any_number_of_threads() {
         assert!(place.read("1.clps") == place.read("2.clps"), "{input}: two threads");
         assert!(place.read("1.clps") == place.read("16.clps"), "{input}: sixteen threads");
     }
+}
+
+#[test]
+fn bandwidth_tells_the_adapter_and_its_rates() {
+    if !has_gpu("cli::reports::bandwidth_tells_the_adapter_and_its_rates") {
+        return;
+    }
+    let place = Workplace::new();
+    let text = place.run(&["bandwidth"]).succeeded().out;
+    for line in ["adapter ", "limits ", "copy ", "upload ", "write ", "measured "] {
+        assert!(text.lines().any(|found| found.starts_with(line)), "{line}: {text}");
+    }
+    let report: Value = serde_json::from_str(&place.run(&["bandwidth", "--json"]).succeeded().out).unwrap();
+    let rates = &report["bytes_per_second"];
+    for kind in ["copy", "upload", "write"] {
+        let rate = |which: &str| rates[format!("{kind}_{which}")].as_f64().unwrap();
+        assert!(rate("best") >= rate("median") && rate("median") > 1e6, "{kind}: {report:#}");
+    }
+    assert!(!report["adapter"].as_str().unwrap().is_empty());
 }

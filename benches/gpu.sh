@@ -15,8 +15,8 @@ usage() {
     cat <<'TEXT'
 usage: benches/gpu.sh [--seconds N] [--quick] [--triangles N] [--work DIR] [--keep] [OUT]
 
-  --seconds N    how long all of it may take, the build included (default 480)
-  --quick        a tiny model and a minute in all: proves that the script works, and measures nothing worth keeping
+  --seconds N    how long all of it may take (default 480); half of it is for measuring, however long the build
+  --quick        a tiny model and 90 seconds in all: proves that the script works, and measures nothing worth keeping
   --triangles N  the size of the model, instead of what the time allows; k and M work
   --work DIR     where models and flights go while it runs (default: a temporary folder)
   --keep         do not remove them at the end: `collapsar report` makes a page of the flights
@@ -60,7 +60,7 @@ done
 [[ $total_seconds =~ ^[1-9][0-9]{0,5}$ ]] || fail "--seconds must be a whole number from 1 to 999999: $total_seconds" 2
 [[ -z $wanted_triangles || $wanted_triangles =~ ^[0-9.]+[kMG]?$ ]] ||
     fail "--triangles must be a number, with k, M or G or without: $wanted_triangles" 2
-[[ $quick == 0 || $total_seconds != 480 ]] || total_seconds=60
+[[ $quick == 0 || $total_seconds != 480 ]] || total_seconds=90
 
 for tool in awk timeout mktemp date df sync; do
     command -v "$tool" >/dev/null || fail "\`$tool\` is missing"
@@ -68,7 +68,7 @@ done
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd) || fail "cannot find the project's folder"
 here=$PWD
 export LC_ALL=C XDG_RUNTIME_DIR="${XDG_RUNTIME_DIR:-/tmp}"
-readonly root here quick keep total_seconds wanted_triangles
+readonly root here quick keep wanted_triangles
 
 # The paper's active triangles for its cameras (a) and (b) on the Boeing 777, and the size of that.
 readonly paper_a=5814786 paper_b=17373329 paper_triangles=332000000 paper_parts=718000
@@ -151,7 +151,8 @@ find_program() {
     fi
     program=${CARGO_TARGET_DIR:-target}/release/collapsar
     [[ $program == /* ]] || program=$root/$program
-    say "built"
+    total_seconds=$(calc "($(now) > $total_seconds / 2) ? $(now) + $total_seconds / 2 : $total_seconds" %.0f)
+    say "built; all of it may take $total_seconds s"
 }
 
 build() {
@@ -232,6 +233,11 @@ make_model() {
         triangles=$(awk -v most="$(calc "$rate * $seconds * 0.7")" -v disk="$(calc "$free / 50")" -v t="$paper_triangles" \
             'BEGIN { while (t > 200000 && (t > most || t > disk)) t = t / 2; printf "%.0f", t }')
     fi
+    # A processor draws some ten frames a second of this many, and one in two seconds of ten times as many.
+    if [[ $is_software == true && -z $wanted_triangles ]] && ((triangles > 1300000)); then
+        triangles=1300000
+        note "software Vulkan: the model is kept at $triangles triangles (--triangles for another)"
+    fi
     model=probe
     if ((triangles > probe)); then
         say "making a model of $triangles triangles (about $(calc "$triangles / $rate" %.0f) s)"
@@ -290,12 +296,12 @@ fly_for() { # SECONDS LABEL MOST_FRAMES arguments...
     # What the small flight took beyond its median frames is paid again: opening, and the first frame, which sends all.
     frames=$(awk -v s="$seconds" -v w="$wall" -v f="$frame" -v p=$probe -v m="$most" 'BEGIN {
         fixed = w - p * f; if (fixed < 0) fixed = 0
-        n = f > 0 ? (s - w - fixed) / (1.3 * f) : m
+        n = f > 0 ? (s - w - fixed) / (1.6 * f) : m
         printf "%d", (n > m ? m : n) }')
     if ((frames > 2 * probe)); then
         limit=$(calc "$(left) + 20")
         mv "$work/$label" "$work/$label.short"
-        if ! fly "$(calc "(2 * $seconds + 15 < $limit) ? 2 * $seconds + 15 : $limit")" "$label" "$frames" "$@"; then
+        if ! fly "$(calc "(1.5 * $seconds + 10 < $limit) ? 1.5 * $seconds + 10 : $limit")" "$label" "$frames" "$@"; then
             rm -rf "${work:?}/$label"
             mv "$work/$label.short" "$work/$label"
             note "$label: only its first $probe frames"
@@ -347,30 +353,32 @@ step() { # WEIGHT; the seconds in $share
 
 fly_all() {
     local path most=1000
-    [[ $quick == 1 ]] && most=20
+    local most_of_path=300
+    [[ $quick == 1 ]] && most=20 most_of_path=20
     step 20 && fly_for "$share" a-compare $most --path walk --budget "$budget_a" --compare --no-hash
+    # Whether all strategies draw the same; hashing reads everything back, so its times are not told.
+    step 5 && fly_for "$share" a-identity 20 --path walk --budget "$budget_a" --compare
     step 8 && fly_for "$share" a-walk $most --path walk --budget "$budget_a" --no-hash
     if [[ -n ${budget_b:-} ]]; then
         step 24 && fly_for "$share" b-compare $most --path walk --budget "$budget_b" --compare --no-hash
         step 9 && fly_for "$share" b-walk $most --path walk --budget "$budget_b" --no-hash
     fi
+    step 10 && fly_live
     step 5 && fly_for "$share" a-walk-cpu $most --path walk --budget "$budget_a" --select cpu --no-hash
     for path in orbit through still teleport; do
-        step 4 && fly_for "$share" "a-$path" 300 --path "$path" --budget "$budget_a" --no-hash
+        step 4 && fly_for "$share" "a-$path" $most_of_path --path "$path" --budget "$budget_a" --no-hash
     done
-    step 3 && fly_for "$share" a-orbit-cpu 300 --path orbit --budget "$budget_a" --select cpu --no-hash
-    # Whether all strategies draw the same; hashing reads everything back, so its times are not told.
-    step 5 && fly_for "$share" a-identity 20 --path walk --budget "$budget_a" --compare
-    step 10 && fly_live
+    step 3 && fly_for "$share" a-orbit-cpu $most_of_path --path orbit --budget "$budget_a" --select cpu --no-hash
 }
 
 # Live with a tenth of the file in memory: from a cold page cache if possible, and then the same again.
 fly_live() {
-    local cap frames
+    local cap frames most=1000
+    [[ $quick == 1 ]] && most=20
     cap=$(calc "$model_bytes / 10" %.0f)
     local live=(--path walk --budget "$budget_a" --live --memory "$cap" --no-hash)
     drop_cache
-    fly_for "$(calc "$share / 2")" live-first 1000 "${live[@]}" || return
+    fly_for "$(calc "$share / 3")" live-first $most "${live[@]}" || { cache_state="" && return; }
     frames=$(first_summary live-first frames)
     # fly_for has read the start of it once already, for its few frames.
     drop_cache
@@ -490,7 +498,7 @@ strategies_table() {
             s = "stage_ms."
             printf "%-7s %-9s %6d %9.2f %9.2f %9.2f %9.2f %9.2f %9.2f %9.2f %8.2f M %6.2f MB %8.4f %%\n", camera, v["strategy"], v["frames"], v["frame_ms_p50"], v[s "select"] + v[s "residency"], v[s "delta"] + v[s "gather"], v[s "upload"], v[s "defragment"], v[s "reform"], v[s "draw"], v["active_triangles_mean"] / 1e6, v["bytes_sent_total"] / v["frames"] / 1e6, 100 * (v["steady_share"] == "null" ? 0 : v["steady_share"]) }'
     done < <(summaries)
-    ((shown)) && printf '%s\n' "select: with residency.  collect: finding and gathering what is lacking.  defrag: with grants and prefix sums." \
+    ((shown)) && printf '%s\n' "Means are of all frames; the first makes pipelines and buffers, and sends everything.  select: with residency.  collect: finding and gathering what is lacking.  defrag: with grants and prefix sums." \
         "streamed: bytes sent after the first frame over those that whole sends (the paper: 0.04 % of the triangles)."
     same_frames
 }
@@ -502,31 +510,45 @@ same_frames() {
     [[ -z $hash ]] || echo "all strategies drew the same frames, camera (a), $(value "$work/a-identity/coherent/summary.json" frames) frames: index hash $hash"
 }
 
-# One line a pass: bytes a frame that must be moved, over the measured rate, beside the measured time.
+# One line a pass: bytes that must be moved, over the measured rate, beside the measured time; means of the frames in
+# which the pass ran, without the first, whose time is that of making pipelines and buffers.
 passes_table() {
     local flight shown=0
     while read -r flight; do
-        case $flight in a-walk | b-walk | a-compare/whole | b-compare/whole) ;; *) continue ;; esac
-        ((shown++)) || printf '\nPasses: time a frame beside the floor, which is bytes that must be moved over measured bandwidth\n%-7s %-9s %-11s %12s %11s %11s %10s %12s\n' \
-            camera strategy pass MB/frame floor,ms time,ms x,floor GB/s
-        flatten "$work/$flight/summary.json" | awk -F '\t' -v camera="(${flight:0:1})" -v copy="$copy_rate" -v upload="$upload_rate" -v host="$write_rate" '
-            function row(pass, bytes, rate, ms,   floor) {
-                floor = 1e3 * bytes / rate
-                printf "%-7s %-9s %-11s %12.4f %11.4f ", camera, v["strategy"], pass, bytes / 1e6, floor
-                if (ms == "null" || ms == "") printf "%11s %10s %12s\n", "-", "-", "-"
-                else printf "%11.4f %10s %12s\n", ms, (floor > 0 ? sprintf("%.1f", ms / floor) : "-"), (ms > 0 ? sprintf("%.1f", bytes / ms / 1e6) : "-")
+        case $flight in a-walk | b-walk | a-orbit | a-compare/whole | b-compare/whole) ;; *) continue ;; esac
+        ((shown++)) || printf '\nPasses beside their floor: bytes that must be moved, and the time that this takes at the measured bandwidth\n%-7s %-6s %-9s %-11s %11s %10s %11s %12s %8s %8s\n' \
+            camera path strategy pass ran,frames MB floor,us time,us x,floor GB/s
+        awk -F, -v camera="(${flight:0:1})" -v path="$(value "$work/$flight/summary.json" path)" -v strategy="$(value "$work/$flight/summary.json" strategy)" \
+            -v copy="$copy_rate" -v upload="$upload_rate" -v host="$write_rate" '
+            function add(pass, bytes, ms) { if (bytes > 0 && ms > 0) { ran[pass]++; moved[pass] += bytes; took[pass] += ms } }
+            function pass_of(pass, ms) { add(pass, $at[pass "_floor_bytes"], ms) }
+            function row(pass, rate,   n, floor, us) {
+                printf "%-7s %-6s %-9s %-11s %11s ", camera, path, strategy, pass, sprintf("%d of %d", ran[pass], frames)
+                if (!(n = ran[pass])) { printf "%10s %11s %12s %8s %8s\n", "-", "-", "-", "-", "-"; return }
+                floor = 1e6 * moved[pass] / rate / n
+                us = 1e3 * took[pass] / n
+                printf "%10.4f %11.3f %12.1f %8.1f %8.2f\n", moved[pass] / n / 1e6, floor, us, us / floor, moved[pass] / took[pass] / 1e6
             }
-            { v[$1] = $2 }
+            NR == 1 { for (i = 1; i <= NF; i++) at[$i] = i; next }
+            NR == 2 { next }
+            {
+                frames++
+                add("gather *", $at["bytes_sent"], $at["gather_ms"])
+                add("upload *", $at["bytes_sent"], $at["upload_ms"])
+                pass_of("grant", $at["grant_ms"])
+                pass_of("prefix_sum", $at["prefix_sum_ms"])
+                pass_of("defragment", $at["defragment_ms"] - $at["grant_ms"] - $at["prefix_sum_ms"])
+                pass_of("reform", $at["reform_ms"])
+                pass_of("draw", $at["draw_ms"])
+            }
             END {
-                sent = v["bytes_sent_total"] / v["frames"]
-                row("gather *", sent, host, v["stage_ms.gather"])
-                row("upload *", sent, upload, v["stage_ms.upload"])
-                n = split("grant prefix_sum defragment reform draw", pass, " ")
-                for (i = 1; i <= n; i++) row(pass[i], v["floor_bytes." pass[i]], copy, v["pass_ms." pass[i]])
-            }'
+                row("gather *", host); row("upload *", upload)
+                row("grant", copy); row("prefix_sum", copy); row("defragment", copy); row("reform", copy); row("draw", copy)
+            }' "$work/$flight/frames.csv"
     done < <(summaries)
     ((shown)) && printf '%s\n' "* by the CPU: gather writes into mapped memory, upload is the transfer until the GPU has it; the others by the copy bandwidth." \
-        "  draw: indices, vertices, instances and the picture once; no depth, no samples, no arithmetic."
+        "  draw: indices, vertices, instances and the picture once; no depth, no samples, no arithmetic." \
+        "  Means of the frames in which a pass ran, the first frame apart: it makes pipelines and buffers, and sends everything."
 }
 
 paths_table() {
@@ -541,18 +563,31 @@ paths_table() {
     ((shown)) && echo "p99 of fewer than 100 frames, and p99.9 of fewer than 1,000, is the slowest frame: mostly the first, which sends everything."
 }
 
+# The nearest-rank percentiles of the frames of a flight after the first, in milliseconds.
+percentiles() { # FLIGHT PERCENT...
+    local flight=$1
+    shift
+    awk -F, 'NR == 1 { for (i = 1; i <= NF; i++) if ($i == "frame_ms") at = i } NR > 2 { print $at }' "$work/$flight/frames.csv" |
+        sort -n | awk -v wanted="$*" '{ ms[NR] = $1 } END {
+            n = split(wanted, percent, " ")
+            for (i = 1; i <= n; i++) { rank = percent[i] * NR / 100; if (rank > int(rank)) rank = int(rank) + 1; printf "%s ", ms[rank < 1 ? 1 : rank] + 0 }
+        }'
+}
+
 live_table() {
-    local flight shown=0 csv
+    local flight shown=0 csv median p99 p999 slowest
     while read -r flight; do
         case $flight in live-*) ;; *) continue ;; esac
         csv=$work/$flight/frames.csv
-        ((shown++)) || printf '\nLive, memory capped at %s MB, a tenth of the file; ms (%s)\n%-11s %6s %9s %9s %9s %9s %12s %10s %11s\n' \
-            "$(calc "$model_bytes / 1e7" %.1f)" "${cache_state:-}" flight frames median p99 p99.9 slowest misses/frame read peak,held
-        flatten "$work/$flight/summary.json" | awk -F '\t' -v flight="$flight" -v memory="$(column "$csv" memory_bytes most)" \
-            -v slowest="$(column "$csv" frame_ms most)" -v faults="$(column "$csv" major_faults sum)" '{ v[$1] = $2 } END {
-            printf "%-11s %6d %9.2f %9.2f %9.2f %9.0f %12.1f %7.1f MB %8.1f MB   %d major faults on the frame thread\n", flight, v["frames"], v["frame_ms_p50"], v["frame_ms_p99"], v["frame_ms_p999"], slowest, v["misses_total"] / v["frames"], v["disk_bytes_total"] / 1e6, memory / 1e6, faults }'
+        ((shown++)) || printf '\nLive, memory capped at %s MB, a tenth of the file; ms, without the first frame (%s)\n%-11s %6s %9s %9s %9s %9s %12s %11s %11s %13s\n' \
+            "$(calc "$model_bytes / 1e7" %.1f)" "${cache_state:-}" flight frames median p99 p99.9 slowest misses/frame read peak,held major,faults
+        read -r median p99 p999 slowest < <(percentiles "$flight" 50 99 99.9 100)
+        flatten "$work/$flight/summary.json" | awk -F '\t' -v flight="$flight" -v memory="$(column "$csv" memory_bytes most)" -v faults="$(column "$csv" major_faults sum)" \
+            -v median="$median" -v p99="$p99" -v p999="$p999" -v slowest="$slowest" '{ v[$1] = $2 } END {
+            printf "%-11s %6d %9.2f %9.2f %9.2f %9.2f %12.1f %8.1f MB %8.1f MB %13d\n", flight, v["frames"], median, p99, p999, slowest, v["misses_total"] / v["frames"], v["disk_bytes_total"] / 1e6, memory / 1e6, faults }'
     done < <(summaries)
-    ((shown > 1)) && echo "p99.9 of live-first over that of live-again: $(calc "$(value "$work/live-first/summary.json" frame_ms_p999) / $(value "$work/live-again/summary.json" frame_ms_p999)" %.2f)"
+    ((shown > 1)) && echo "p99.9 of live-first over that of live-again: $(calc "$(percentiles live-first 99.9) / $(percentiles live-again 99.9)" %.2f)"
+    ((shown)) && echo "major faults: pages that the thread of the frame waited for."
 }
 
 # ---------------------------------------------------------------------------------------------------- all of it

@@ -3,7 +3,7 @@
 //! Every source part goes its own way, in parallel: `source` welds its mesh as the bake did and finds its cells in
 //! the container; [`states`] picks the state of every cell for a share of the triangles; meshoptimizer's `simplify`
 //! brings the welded mesh to the same count; [`measure`](crate::measure) compares both with the welded mesh in part
-//! space. Where there are several parts, [`deal`] also deals a share of the placed model's triangles over them.
+//! space. Where there are several parts, [`mod@deal`] also deals a share of the placed model's triangles over them.
 //! [`Comparison`] pools the parts, and [`plot`] draws them.
 
 pub mod deal;

@@ -1,9 +1,9 @@
 //! A device in; how many bytes a second its memory moves, and how many reach it from the host, out.
 //!
-//! Each rate is that of a submission of many copies of one large buffer, as many as take [`LEAST_SECONDS`], by the
+//! Each rate is that of a submission of many copies of one large buffer, as many as take `LEAST_SECONDS`, by the
 //! clock of the CPU around a wait: what it costs to submit and to wait is then a thousandth of it, and no timestamps are
 //! needed, which not every adapter has between copies. The buffers have content: memory that was never written may
-//! not exist yet. Best and median are of [`RUNS`] submissions.
+//! not exist yet. Best and median are of `RUNS` submissions.
 
 use std::time::Instant;
 

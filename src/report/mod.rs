@@ -1,8 +1,8 @@
 //! Folders written by `fly --out` in, one self-contained HTML page out.
 //!
-//! What flows through: [`read`](mod@read) takes in summaries, records and the names of pictures; [`plots`] and [`versus`]
-//! draw them, over frames that [`bands`] thin out, on [`axis`] and [`chart`]; [`tables`] puts the numbers of [`paper`]
-//! beside ours; [`pictures`] makes small PNGs; [`page`](mod@page) writes it all into one text that loads nothing.
+//! What flows through: `read` takes in summaries, records and the names of pictures; `plots` and `versus`
+//! draw them, over frames that `bands` thin out, on `axis` and `chart`; `tables` puts the numbers of `paper`
+//! beside ours; `pictures` makes small PNGs; `page` writes it all into one text that loads nothing.
 
 mod axis;
 mod bands;

@@ -248,10 +248,11 @@ mod tests {
     fn damage_is_told_with_its_line() {
         let text = csv_of(3);
         let cut = &text[..text.len() - 9];
+        let columns = FrameRecord::COLUMNS.len();
         for (text, words) in [
             (text.replace("\n1,0", "\n1,x"), "line 3: `instances_visible`: invalid digit"),
             (text.replace("\n1,0", "\n1,-4"), "line 3: `instances_visible`"),
-            (text.replace("\n1,0", "\n1"), "line 3: 32 values for 33 columns"),
+            (text.replace("\n1,0", "\n1"), &format!("line 3: {} values for {columns} columns", columns - 1)),
             (text.replace("\n1,0", "\n5,0"), "line 3: frame 5 where 1 follows"),
             (text.replacen("1.500", "NaN", 1), "line 2: `frame_ms` is NaN"),
             (text.replacen("1.500", "-1", 1), "line 2: `frame_ms` is -1"),

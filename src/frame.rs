@@ -10,6 +10,7 @@
 //!
 //! A frame in which nothing changed does only stages 1 and 7, and stage 1 finds out by comparing two cameras.
 
+mod ahead;
 mod boxes;
 mod caps;
 mod content;
@@ -33,6 +34,7 @@ use crate::select::states::StateChooser;
 use crate::select::{SelectOn, Wishes};
 use crate::stats::{FrameRecord, floor, memory};
 use crate::stream::gather::BatchUpload;
+use crate::stream::prefetch::Motion;
 use crate::stream::staging::Staging;
 use crate::stream::{Delta, Residency, ResidencyError, State, Strategy};
 use boxes::Boxes;
@@ -118,6 +120,8 @@ pub struct Settings {
     pub read_rate: Option<u64>,
     /// Whether every frame waits until all it wants has been read, so that pictures are reproducible.
     pub settle: bool,
+    /// Whether frames that do not wait also ask for what a camera that moves will see next.
+    pub prefetch: bool,
     /// Whether to wait for each stage of the GPU's work, so that the transfer can be timed by itself.
     pub time_stages: bool,
     /// The picture's width in pixels.
@@ -144,6 +148,7 @@ impl Default for Settings {
             memory_limit_bytes: None,
             read_rate: None,
             settle: true,
+            prefetch: true,
             time_stages: true,
             width: 1280,
             height: 720,
@@ -182,6 +187,9 @@ pub struct Renderer {
     boxes: Boxes,
     squeeze: Squeeze,
     view: Option<Camera>,
+    motion: Motion,
+    /// Where the camera will be soon, if it moves and frames do not wait.
+    ahead: Option<Camera>,
     frames_at_rest: u32,
     /// Whether the last frame left something for the next.
     pending: bool,
@@ -241,6 +249,8 @@ impl Renderer {
             boxes: Boxes::new(&gpu, &draw)?,
             squeeze: Squeeze::default(),
             view: None,
+            motion: Motion::default(),
+            ahead: None,
             frames_at_rest: 0,
             pending: false,
             changed: false,
@@ -296,6 +306,10 @@ impl Renderer {
         let moved = self.view.as_ref() != Some(camera);
         self.frames_at_rest = if moved { 0 } else { self.frames_at_rest.saturating_add(1) };
         self.view = Some(*camera);
+        self.ahead = match self.settings.prefetch && !self.settings.settle {
+            true => self.motion.ahead(started, camera),
+            false => None,
+        };
         let rests = self.frames_at_rest >= FRAMES_TO_REST;
         if !rests {
             self.squeeze.begin(self.share_of_caps(), moved);
@@ -344,6 +358,7 @@ impl Renderer {
         if !self.settled {
             let wanted = self.wanted_parts(camera);
             self.residency.plan(&wanted);
+            self.prefetch();
             if self.settings.settle {
                 self.residency.settle()?;
             }

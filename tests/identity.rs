@@ -60,6 +60,7 @@ const SMALL: Settings = Settings {
     upload_limit_bytes: None,
     batch_limit_bytes: None,
     settle: true,
+    prefetch: true,
     time_stages: false,
     width: 64,
     height: 48,

@@ -183,3 +183,49 @@ fn a_cap_keeps_the_most_error_removed_for_each_byte() {
     capped.settle().unwrap();
     assert_eq!((capped.take_bytes_read(), capped.take_bytes_evicted()), (0, 0));
 }
+
+/// What will be wanted is read after what is, and never in its place; what is neither makes room for it.
+#[test]
+fn what_comes_next_takes_only_what_is_free() {
+    let scene = scene();
+    let want = |part: u32| Wanted { part, tier: 0, weight: 1.0 };
+    let (now, next, later) = ([want(3), want(5)], [want(11)], [want(15)]);
+    let whole = |residency: &Residency, part: u32| {
+        residency.part(part).vertices_arrived() == scene.parts()[part as usize].vertices
+    };
+    let with = |cap_bytes| Residency::new(&scene, ResidencyOptions { cap_bytes, read_rate: None });
+    let bytes_of = |wanted: &[Wanted]| {
+        let mut free = with(None);
+        free.plan(wanted);
+        free.settle().unwrap();
+        free.bytes_held()
+    };
+    // No room: nothing of it is read.
+    let mut tight = with(Some(bytes_of(&now)));
+    tight.plan(&now);
+    tight.prefetch(&next);
+    tight.settle().unwrap();
+    assert!(now.iter().all(|want| whole(&tight, want.part)));
+    assert_eq!(tight.part(11).vertices_arrived(), 0);
+    // Room for one: the one that was there before goes, not what is wanted.
+    let cap = bytes_of(&now) + bytes_of(&next).max(bytes_of(&later));
+    let mut roomy = with(Some(cap));
+    for coming in [&next, &later] {
+        roomy.plan(&now);
+        roomy.prefetch(coming);
+        roomy.settle().unwrap();
+        assert!(now.iter().all(|want| whole(&roomy, want.part)) && whole(&roomy, coming[0].part));
+        assert!(roomy.bytes_held() <= cap, "{} of {cap}", roomy.bytes_held());
+    }
+    // Once it is wanted, nothing is read.
+    roomy.take_bytes_read();
+    roomy.plan(&later);
+    assert!(!roomy.is_waiting() && roomy.take_bytes_read() == 0);
+    // All wishes at once fit only in part: there is nothing to spare for what comes next.
+    let less = bytes_of(&now) / 2;
+    let mut capped = with(Some(less));
+    capped.plan(&now);
+    capped.prefetch(&next);
+    capped.settle().unwrap();
+    assert!(capped.is_capped() && capped.part(11).vertices_arrived() == 0 && capped.bytes_held() <= less);
+}

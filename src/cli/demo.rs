@@ -93,6 +93,7 @@ fn fly_bundled(gpu: &Arc<Gpu>, model: &Bundled, arguments: &DemoArguments) -> Re
         },
         hash: true,
         png_every: arguments.frames.div_ceil(6),
+        fps: None,
         opening: Opening { open, all: open },
     };
     compare(gpu, &scene, &plan, Some(&folder)).map_err(|failure| failure.in_container(&container))

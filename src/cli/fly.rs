@@ -94,6 +94,13 @@ pub struct FlyArguments {
     /// flights over large models on machines without a fast GPU; what is counted is the same.
     #[arg(long, conflicts_with_all = ["png", "reference", "gpu_memory"])]
     count_only: bool,
+    /// With --live: begin no more than so many frames a second, so that the camera moves at a known speed.
+    #[arg(long, requires = "live", value_name = "FRAMES",
+          value_parser = clap::value_parser!(u64).range(1..=1000))]
+    fps: Option<u64>,
+    /// With --live: read only what is in view now, not what the moving camera will see next.
+    #[arg(long, requires = "live")]
+    no_prefetch: bool,
     /// Do not read back and hash what is drawn (the hashes in the summary are then empty).
     #[arg(long)]
     no_hash: bool,
@@ -143,6 +150,7 @@ pub fn run(arguments: &FlyArguments) -> Result<(), Failure> {
         settings: settings(arguments),
         hash: !arguments.no_hash && !arguments.count_only,
         png_every: arguments.png,
+        fps: arguments.fps,
         opening: Opening { open, all: started.elapsed() },
     };
     if arguments.compare {
@@ -180,6 +188,7 @@ fn settings(arguments: &FlyArguments) -> Settings {
         read_rate: arguments.read_rate,
         batch_limit_bytes: arguments.batch_limit,
         settle: !arguments.live,
+        prefetch: !arguments.no_prefetch,
         width: arguments.size.0,
         height: arguments.size.1,
         samples: if arguments.samples == "1" { 1 } else { 4 },
@@ -199,6 +208,8 @@ pub struct FlightPlan<'a> {
     pub hash: bool,
     /// A picture every so many frames; 0 for none.
     pub png_every: u64,
+    /// How many frames begin in a second at most.
+    pub fps: Option<u64>,
     /// What came before.
     pub opening: Opening,
 }
@@ -227,6 +238,10 @@ pub fn fly(
     for frame in 0..plan.frames {
         if interrupt::flag().load(Ordering::Relaxed) {
             return Err(Failure::Interrupted("the flight's numbers were not written"));
+        }
+        if let Some(fps) = plan.fps {
+            let due = Duration::from_secs_f64(frame as f64 / fps as f64);
+            std::thread::sleep(due.saturating_sub(started.elapsed()));
         }
         let camera = plan.path.camera(frame, plan.frames, scene.bounds());
         let mut record = renderer.frame(&camera)?;

@@ -74,17 +74,7 @@ impl Renderer {
             let tier = wish.map_or(coarsest, |wish| coarsest_tier_with(sizes, wish));
             let px = diagonal_px(&boxes[instance as usize], camera.eye, focal_px) as f32;
             let weight = px.powi(3);
-            let slot = &mut slots[part as usize];
-            match wanted.get_mut(*slot as usize).filter(|known| known.part == part) {
-                Some(known) => {
-                    known.tier = known.tier.min(tier);
-                    known.weight += weight;
-                }
-                None => {
-                    *slot = wanted.len() as u32;
-                    wanted.push(Wanted { part, tier, weight });
-                }
-            }
+            add_wanted(&mut wanted, slots, Wanted { part, tier, weight });
             px
         };
         for &instance in self.wishes.visible() {
@@ -268,8 +258,23 @@ fn bytes_of_all(all: &[Delta]) -> u64 {
     records + draw + (all.len() * size_of::<Grant>()) as u64
 }
 
+/// Adds what one instance wants of its part to what others do; `slots` has for every part where in the list it may be.
+pub(super) fn add_wanted(list: &mut Vec<Wanted>, slots: &mut [u32], want: Wanted) {
+    let slot = &mut slots[want.part as usize];
+    match list.get_mut(*slot as usize).filter(|known| known.part == want.part) {
+        Some(known) => {
+            known.tier = known.tier.min(want.tier);
+            known.weight += want.weight;
+        }
+        None => {
+            *slot = list.len() as u32;
+            list.push(want);
+        }
+    }
+}
+
 /// How long a box seems, in pixels, as seen from no nearer than its own surface.
-fn diagonal_px(bounds: &InstanceBox, eye: DVec3, focal_px: f64) -> f64 {
+pub(super) fn diagonal_px(bounds: &InstanceBox, eye: DVec3, focal_px: f64) -> f64 {
     let distance = (bounds.centre - eye).length() - 0.5 * bounds.diagonal;
     focal_px * bounds.diagonal / distance.max(0.05 * bounds.diagonal).max(f64::MIN_POSITIVE)
 }

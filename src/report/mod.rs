@@ -4,6 +4,7 @@
 //! draw them, over frames that `bands` thin out, on `axis` and `chart`; `tables` puts the numbers of `paper`
 //! beside ours; `pictures` makes small PNGs; `page` writes it all into one text that loads nothing.
 
+mod arrival;
 mod axis;
 mod bands;
 mod chart;

@@ -1,6 +1,7 @@
 //! A flight in; its six plots out, each with a sentence that says what it shows.
 
 use super::ReportError;
+use super::arrival::arrival;
 use super::axis::{Axis, Unit};
 use super::bands::{Band, bands, frames_per_band};
 use super::chart::{Chart, Colour, HEIGHT, Layer, Point};
@@ -26,8 +27,9 @@ pub type Field = fn(&FrameRecord) -> f64;
 
 /// All plots of one flight.
 pub fn of_flight(flight: &Flown) -> Result<Vec<Figure>, ReportError> {
-    let mut figures =
-        vec![bytes(flight)?, saving(flight)?, triangles(flight)?, residency(flight)?, stages(flight)?];
+    let mut figures = vec![bytes(flight)?, saving(flight)?, triangles(flight)?, residency(flight)?];
+    figures.extend(arrival(flight)?);
+    figures.push(stages(flight)?);
     figures.extend(stages_before_draw(flight)?);
     figures.push(times(flight)?);
     Ok(figures)
@@ -404,7 +406,10 @@ fn residency(flight: &Flown) -> Result<Figure, ReportError> {
         (Colour::Series(4), "read from disk so far".to_owned()),
         (Colour::Series(0), "resident: held in memory".to_owned()),
     ];
-    let most = read.iter().chain(&held).map(|band| band.high).fold(0.0, f64::max);
+    let capped = under_cap(flight);
+    let all = capped.iter().flat_map(|(counted, _)| counted).chain(&read).chain(&held);
+    let cap = capped.as_ref().map_or(0.0, |(_, cap)| *cap);
+    let most = all.map(|band| band.high).fold(cap, f64::max);
     let y = Axis::linear("bytes", Unit::Bytes, most);
     let mut layers = Vec::new();
     if flight.summary.misses_total > 0 {
@@ -413,8 +418,23 @@ fn residency(flight: &Flown) -> Result<Figure, ReportError> {
     }
     layers.extend(line(&read, Colour::Series(4), 7));
     layers.extend(line(&held, Colour::Series(0), 3));
+    if let Some((counted, cap)) = capped {
+        key.push((Colour::Series(5), "all that `--memory` counts".to_owned()));
+        key.push((Colour::Ink, "its cap".to_owned()));
+        layers.extend(line(&counted, Colour::Series(5), 3));
+        let points = vec![(0.0, cap), (flight.records.len().saturating_sub(1) as f64, cap)];
+        layers.push(Layer::Line { points, colour: Colour::Ink, width: 2 });
+    }
     let svg = chart("residency", flight, y, layers).svg()?;
     Ok(Figure { title: "Residency".to_owned(), key, svg, caption: residency_caption(flight) })
+}
+
+/// What the cap on memory counts, and the cap, if there is one and it is not far above everything.
+fn under_cap(flight: &Flown) -> Option<(Vec<Band>, f64)> {
+    let cap = flight.summary.flight.memory_limit_bytes? as f64;
+    let counted = bands(values(flight, |r| r.memory_bytes as f64));
+    let most = counted.iter().map(|band| band.high).fold(0.0, f64::max);
+    (cap <= 4.0 * most).then_some((counted, cap))
 }
 
 /// A pale stripe wherever a band has frames that lack something; neighbours make one.

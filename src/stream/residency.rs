@@ -8,7 +8,8 @@
 //! never waits for a page. The list of what they read next is replaced by every plan: what is no longer wanted is never
 //! read. What is being read counts within the cap. What is drawn is what has arrived.
 
-use std::collections::VecDeque;
+use std::cmp::{Ordering, Reverse};
+use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -160,9 +161,37 @@ impl Residency {
         let incoming = |requests: &mut dyn Iterator<Item = &Request>| requests.map(|r| r.bytes).sum::<u64>();
         let bytes = incoming(&mut in_flight.iter()) + incoming(&mut missing.iter().map(|entry| &entry.1));
         self.make_room(bytes, wanted, &accepted);
-        missing
-            .par_sort_by(|(a, r), (b, s)| b.total_cmp(a).then(s.tier.cmp(&r.tier)).then(r.part.cmp(&s.part)));
+        missing.par_sort_by(urgent_first);
         self.shared.give(missing.into_iter().map(|(_, request)| request));
+    }
+
+    /// After a plan, asks for what will be wanted soon: read after everything that is wanted now, into memory that is free
+    /// or holds what is neither wanted nor will be. Each part is named once.
+    pub fn prefetch(&mut self, ahead: &[Wanted]) {
+        if ahead.is_empty() || self.is_capped {
+            return;
+        }
+        let coming = self.shared.coming();
+        let mut missing: Vec<(f32, Request)> = Vec::new();
+        for want in ahead {
+            self.wanted_in[want.part as usize] = self.plan;
+            self.missing_of(want, want.tier, &[], &mut missing);
+        }
+        missing.retain(|(_, request)| !coming.contains_key(&(request.part, request.tier)));
+        missing.par_sort_by(urgent_first);
+        let coming: u64 = coming.values().sum();
+        let is_needed = |part: &&u32| self.wanted_in[**part as usize] == self.plan;
+        let needed: u64 = self.held.iter().filter(is_needed).map(|&part| self.part(part).bytes()).sum();
+        let room = self.cap_bytes.saturating_sub(coming + needed);
+        let mut bytes = 0;
+        let fits = |(_, request): &(f32, Request)| {
+            bytes += request.bytes;
+            bytes <= room
+        };
+        let accepted: Vec<Request> =
+            missing.into_iter().take_while(fits).map(|(_, request)| request).collect();
+        self.make_room(coming + accepted.iter().map(|request| request.bytes).sum::<u64>(), &[], &[]);
+        self.shared.give(accepted.into_iter());
     }
 
     /// For each wanted part the finest tier that there is room for; the number of tiers for none.
@@ -258,7 +287,7 @@ impl Residency {
         }
         let age = |part: u32| self.plan.wrapping_sub(self.wanted_in[part as usize]);
         let mut unwanted: Vec<u32> = self.held.iter().copied().filter(|&part| age(part) > 0).collect();
-        unwanted.sort_unstable_by_key(|&part| (std::cmp::Reverse(age(part)), part));
+        unwanted.sort_unstable_by_key(|&part| (Reverse(age(part)), part));
         for part in unwanted {
             if self.bytes_held <= most {
                 break;
@@ -383,6 +412,13 @@ impl Shared {
         todo.in_flight.clone()
     }
 
+    /// What is on the list or was taken from it, with its bytes.
+    fn coming(&self) -> HashMap<(u32, u32), u64> {
+        let todo = self.todo.lock();
+        let requests = todo.queue.iter().chain(&todo.in_flight);
+        requests.map(|request| ((request.part, request.tier), request.bytes)).collect()
+    }
+
     fn give(&self, requests: impl Iterator<Item = Request>) {
         self.todo.lock().queue.extend(requests);
         self.changed.notify_all();
@@ -413,6 +449,11 @@ impl Shared {
         };
         std::thread::sleep(until.saturating_duration_since(Instant::now()));
     }
+}
+
+/// The most urgent first, coarse tiers before fine ones.
+fn urgent_first((a, r): &(f32, Request), (b, s): &(f32, Request)) -> Ordering {
+    b.total_cmp(a).then(s.tier.cmp(&r.tier)).then(r.part.cmp(&s.part))
 }
 
 fn serve(shared: &Shared, done: &Sender<Arrival>) {

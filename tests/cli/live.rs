@@ -102,6 +102,35 @@ fn a_camera_at_rest_sees_detail_come_in_until_all_is_there() {
     assert_eq!(moved, 0, "it moves bytes after frame {done}, when everything is there");
 }
 
+/// Keyframes of a camera in the middle of the assembly that turns by so many degrees a frame.
+fn turning(frames: u32, degrees: f64) -> String {
+    let keyframe = |frame: u32| {
+        let (sin, cos) = (degrees * f64::from(frame)).to_radians().sin_cos();
+        let target = [32.0 + 10.0 * cos, 4.0 + 10.0 * sin, 0.0];
+        serde_json::json!({"frame": frame, "eye": [32.0, 4.0, 0.0], "target": target, "up": [0.0, 0.0, 1.0]})
+    };
+    serde_json::Value::from_iter((0..frames).map(keyframe)).to_string()
+}
+
+#[test]
+fn what_a_turning_camera_sees_next_is_there_when_it_comes_into_view() {
+    if !has_gpu("cli::live::what_a_turning_camera_sees_next_is_there_when_it_comes_into_view") {
+        return;
+    }
+    let place = place();
+    place.write("turn.json", turning(60, 4.0));
+    let undrawn = |folder: &str, more: &[&str]| {
+        let turn = ["--path", "turn.json", "--live", "--fps", "10"];
+        let (_, records) = fly(&place, folder, "60", &[&turn, more].concat());
+        // Not the beginning, when nothing has been read.
+        records[15..].iter().map(|record| 1000 - record.drawn_area_permille).sum::<u64>()
+    };
+    let (with, without) = (undrawn("with", &[]), undrawn("without", &["--no-prefetch"]));
+    eprintln!("a turn lacks {with} permille of frames with prefetch, {without} without");
+    assert!(without > 100, "a turn shows nothing new: {without}");
+    assert!(2 * with < without, "{with} permille lacking, {without} without prefetch");
+}
+
 /// What may happen to a container that is open.
 #[derive(Debug, Clone, Copy)]
 enum Change {

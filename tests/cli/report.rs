@@ -214,6 +214,41 @@ fn several_flights_stand_side_by_side() {
     assert_page(&page_of(&place, &["other"]), &[]);
 }
 
+/// A flight to which data came late, under a cap: what had arrived, and what it held.
+#[test]
+fn a_flight_that_lacked_something_shows_what_had_arrived() {
+    let place = made(50);
+    let records: Vec<_> = (0..50)
+        .map(|frame| FrameRecord {
+            instances_visible: 400,
+            boxes: 300u64.saturating_sub(10 * frame),
+            wished_vertices: 60_000,
+            active_vertices: 2000 * frame.min(30),
+            drawn_area_permille: (20 * frame).min(1000),
+            elapsed_ms: 100.0 + 10.0 * frame as f64,
+            memory_bytes: 500_000 + 10_000 * frame,
+            misses: 30u64.saturating_sub(frame),
+            ..record(frame)
+        })
+        .collect();
+    let mut csv = Vec::new();
+    write_csv(&mut csv, &records).unwrap();
+    place.write("flight/frames.csv", csv);
+    let flight = Flight { memory_limit_bytes: Some(1_048_576), live: true, ..Flight::default() };
+    place.write("flight/summary.json", serde_json::to_vec(&Summary::new(flight, &records)).unwrap());
+    let page = page_of(&place, &["flight"]);
+    assert_page(&page, &[("what has arrived", 1), ("residency", 1)]);
+    for words in [
+        "nine tenths of the picture after 550 ms, half of the detail after 250 ms, and all of it after 400 ms",
+        "drawn as boxes, at most 300",
+        "visible instances drawn as boxes",
+        "its cap",
+    ] {
+        assert!(page.contains(words), "no {words:?}");
+    }
+    assert!(!page_of(&made(50), &["flight"]).contains("What has arrived"), "records of before have none");
+}
+
 /// What a version wrote that knew neither the command nor the machine.
 #[test]
 fn flights_of_older_versions_can_be_read() {
@@ -276,9 +311,11 @@ fn folders_that_are_no_flights_are_refused() {
 
 #[test]
 fn damaged_records_are_told_with_their_line() {
+    let columns = FrameRecord::COLUMNS.len();
+    let short = format!("{} values for {columns} columns", columns - 1);
     for (from, to, words) in [
         ("\n1,0", "\n1,zero", ["damaged in line 3", "`instances_visible`: invalid digit"]),
-        ("\n2,0,", "\n2,", ["damaged in line 4", " columns; fly again"]),
+        ("\n2,0,", "\n2,", ["damaged in line 4", &short]),
         ("\n2,0,", "\n7,0,", ["damaged in line 4", "frame 7 where 2 follows"]),
         ("frame,", "number,", ["line 1 has no column `frame`", "another version"]),
         (",bytes_whole", ",bytes_all", ["line 1 has no column `bytes_whole`", "another version"]),
@@ -296,11 +333,12 @@ fn records_that_end_early_are_refused() {
     let whole = String::from_utf8(place.read("flight/frames.csv")).unwrap();
     let lines: Vec<&str> = whole.split_inclusive('\n').collect();
     let report = ["report", "flight", "-o", "page.html"];
+    let columns = format!("values for {} columns", FrameRecord::COLUMNS.len());
     for (text, words) in [
         (lines[..3].concat(), ["2 frames, where summary.json beside it says 3", "cut short"]),
         (lines[..1].concat(), ["there is no frame in it", "fly again"]),
         (String::new(), ["line 1 has no column `frame`", "fly again"]),
-        (whole[..whole.len() - 20].to_owned(), ["damaged in line 4", " columns; fly again"]),
+        (whole[..whole.len() - 20].to_owned(), ["damaged in line 4", &columns]),
     ] {
         place.write("flight/frames.csv", text);
         place.fails(&report, &[&words[..], &[": flight/frames.csv\n"]].concat());

@@ -468,9 +468,10 @@ fn residency_caption(flight: &Flown) -> String {
         "No frame lacked anything that it wished for.".to_owned()
     } else {
         format!(
-            "In {} of {} frames something was drawn coarser than wished, as it had not been read yet ({} misses).",
+            "In {} of {} frames something was drawn coarser than wished, as it had not been read yet{} ({} misses).",
             human::count(lacking),
             human::count(summary.frames),
+            if summary.flight.memory_limit_bytes.is_some() { " or the cap left no room" } else { "" },
             human::count(summary.misses_total)
         )
     };

@@ -53,7 +53,7 @@ const SMALL: Settings = Settings {
     alpha: 3.0,
     error_px: 0.0,
     // Narrower than the default, so that slow paths change something in few frames.
-    dead_band: 0.002,
+    dead_band: 0.0002,
     strategy: Strategy::Coherent,
     select: SelectOn::Gpu,
     passes: PassesOn::Gpu,

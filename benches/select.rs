@@ -115,6 +115,7 @@ fn view(eye: DVec3, target: DVec3, fov: f64, min_area_px: f32) -> SelectView {
         eye: eye.to_array(),
         planes,
         focal_px: camera.focal_px(1080),
+        parallel: false,
         min_area_px,
         max_area_px: 1920.0 * 1080.0,
         alpha: 3.0,

@@ -1,11 +1,12 @@
 // draw: the active triangles of one batch, lit, boxes for what is not there, and the background behind them.
 //
-// Reads   the frame (uniform), one row per instance of the batch, active vertices (vertex buffer) and the index
-//         buffer with its indirect arguments.
+// Reads   the frame (uniform), one row and one look per instance of the batch, active vertices (vertex buffer) and the
+//         index buffer with its indirect arguments. Where edges are drawn, vertices and indices are storage, and so are
+//         the triangles' flags.
 // Writes  colour (linear light; the target is sRGB) and reversed depth.
 // Before  reform, which wrote the index buffer. After: nothing; the picture is read back or shown.
 //
-// shared/surface.wgsl has the frame, the light and the background.
+// shared/surface.wgsl has the frame, the light and the background; shared/section.wgsl what sections keep.
 //
 // Positions are camera-relative from the first sum on: the eye and each translation come as a high and a low f32,
 // and the highs cancel exactly where the camera is near.
@@ -29,7 +30,27 @@ const COLOURED: u32 = 1u << 24u;
 // Its vertices have normals of 2 x 12 bits and slots of 8.
 const SLOTTED: u32 = 1u << 25u;
 
+// Bits of InstanceRow.colour: the surface is closed; it is placed inside out, by a mirror or as it is.
+const CLOSED: u32 = 1u << 26u;
+const INSIDE_OUT: u32 = 1u << 27u;
+
+// Bits of a look. The low 24 are sRGB instead of the material's, if LOOK_COLOURED.
+const LOOK_COLOURED: u32 = 1u << 24u;
+const LOOK_HIDDEN: u32 = 1u << 25u;
+const LOOK_GHOST: u32 = 1u << 26u;
+const LOOK_SELECTED: u32 = 1u << 27u;
+const LOOK_HOVERED: u32 = 1u << 28u;
+// Only between the stages: CLOSED and INSIDE_OUT of the row.
+const LOOK_CLOSED: u32 = 1u << 29u;
+const LOOK_INSIDE_OUT: u32 = 1u << 30u;
+
+// Bits of Frame.edges.
+const EDGES_FEATURES: u32 = 1u;
+const EDGES_ALL: u32 = 2u;
+
 @group(1) @binding(0) var<storage, read> instances: array<InstanceRow>;
+// By row: the number of the instance in the scene, and its look. Rows that are only colours have none.
+@group(1) @binding(1) var<storage, read> looks: array<vec2<u32>>;
 
 fn grid_position(low: u32, high: u32) -> vec3<f32> {
     let mask = (1u << 21u) - 1u;
@@ -75,8 +96,36 @@ fn debug_colour(number: u32) -> vec3<f32> {
     return linear_from_srgb(0.35 + 0.6 * unpack4x8unorm(mixed ^ (mixed >> 13u)).rgb);
 }
 
+// Outside of every picture.
+const NOWHERE = vec4<f32>(2.0, 2.0, 2.0, 1.0);
+
+// What a look makes of a corner that is placed and coloured.
+fn with_look(placed: Corner, row: InstanceRow, at: u32) -> Corner {
+    var corner = placed;
+    let look = looks[min(at, arrayLength(&looks) - 1u)];
+    corner.number = look.x;
+    corner.look = look.y | ((row.colour & (CLOSED | INSIDE_OUT)) << 3u);
+    if (look.y & LOOK_COLOURED) != 0u {
+        corner.colour = colour_from_8888(look.y);
+    }
+    if (look.y & LOOK_SELECTED) != 0u {
+        corner.colour = mix(corner.colour, vec3<f32>(1.0, 0.36, 0.02), 0.75);
+    }
+    if (look.y & LOOK_HOVERED) != 0u {
+        corner.colour = mix(corner.colour, vec3<f32>(1.0, 0.85, 0.45), 0.45);
+    }
+    if (look.y & LOOK_HIDDEN) != 0u {
+        corner.clip = NOWHERE;
+    }
+    return corner;
+}
+
 @vertex
 fn draw_vertex(@location(0) active_vertex: vec4<u32>) -> Corner {
+    return placed(active_vertex);
+}
+
+fn placed(active_vertex: vec4<u32>) -> Corner {
     let instance = active_vertex.w;
     let row = instances[instance];
     let grid = grid_position(active_vertex.x, active_vertex.y);
@@ -105,7 +154,112 @@ fn draw_vertex(@location(0) active_vertex: vec4<u32>) -> Corner {
     } else {
         corner.colour = colour_from_8888(row.colour);
     }
-    return corner;
+    return with_look(corner, row, instance);
+}
+
+// A corner of a triangle whose edges are drawn.
+struct EdgedCorner {
+    @builtin(position) clip: vec4<f32>,
+    @location(0) relative: vec3<f32>,
+    @location(1) normal: vec3<f32>,
+    @location(2) colour: vec3<f32>,
+    @location(3) @interpolate(flat) number: u32,
+    @location(4) @interpolate(flat) look: u32,
+    // Barycentric.
+    @location(5) place: vec3<f32>,
+    // Which edges are lines: bit k for that from corner k to the next.
+    @location(6) @interpolate(flat) lines: u32,
+}
+
+@group(2) @binding(0) var<storage, read> active_vertices: array<vec4<u32>>;
+@group(2) @binding(1) var<storage, read> corner_vertices: array<u32>;
+// Three indices of 16 bits, then 16 of flags: creases in bits 0 to 2, boundaries in bits 3 to 5.
+@group(2) @binding(2) var<storage, read> triangles: array<vec2<u32>>;
+
+@vertex
+fn edged_vertex(@builtin(vertex_index) index: u32) -> EdgedCorner {
+    let corner = placed(active_vertices[corner_vertices[index]]);
+    let flags = triangles[index / 3u].y >> 16u;
+    let k = index % 3u;
+    let lines = select((flags | (flags >> 3u)) & 7u, 7u, (frame.edges & EDGES_ALL) != 0u);
+    let place = vec3<f32>(f32(k == 0u), f32(k == 1u), f32(k == 2u));
+    return EdgedCorner(
+        corner.clip, corner.relative, corner.normal, corner.colour, corner.number, corner.look, place, lines,
+    );
+}
+
+// How much of a pixel the lines along a triangle's edges cover. Only in uniform control flow.
+fn line_cover(place: vec3<f32>, lines: u32) -> f32 {
+    let slope = sqrt(dpdx(place) * dpdx(place) + dpdy(place) * dpdy(place));
+    // The edge from corner k to the next is where the third corner has no share.
+    let distance = place.zxy / max(slope.zxy, vec3<f32>(1e-12));
+    let is_line = (vec3<u32>(lines) & vec3<u32>(1u, 2u, 4u)) != vec3<u32>(0u);
+    let nearest = select(vec3<f32>(1e6), distance, is_line);
+    let least = min(min(nearest.x, nearest.y), nearest.z);
+    return 1.0 - smoothstep(frame.line_px - 0.5, frame.line_px + 0.5, least);
+}
+
+fn lined(shaded: vec4<f32>, cover: f32) -> vec4<f32> {
+    return vec4<f32>(mix(shaded.rgb, shaded.rgb * 0.12, cover * 0.85), shaded.a);
+}
+
+@fragment
+fn edged_fragment(corner: EdgedCorner) -> @location(0) vec4<f32> {
+    let cover = line_cover(corner.place, corner.lines);
+    return lined(shaded(corner.relative, corner.normal, corner.colour), cover);
+}
+
+struct CutPixel {
+    @location(0) colour: vec4<f32>,
+    @builtin(sample_mask) samples: u32,
+}
+
+fn is_seen_from_within(look: u32, front: bool) -> bool {
+    return (look & LOOK_CLOSED) != 0u && front == ((look & LOOK_INSIDE_OUT) != 0u);
+}
+
+// The samples that a ghost covers: one in four, or a pixel in four.
+fn ghost_samples(pixel: vec2<f32>) -> u32 {
+    let at = vec2<u32>(pixel);
+    if SAMPLES == 4u {
+        return 1u << ((at.x + 2u * at.y) & 3u);
+    }
+    return select(0u, 1u, ((at.x | at.y) & 1u) == 0u);
+}
+
+// What is cut, or a ghost.
+fn cut(corner: Corner, front: bool, surface: vec4<f32>, kept: u32) -> CutPixel {
+    let pixel = corner.clip.xy;
+    var result = CutPixel(surface, kept);
+    let to_eye = to_eye_from(corner.relative);
+    if frame.section_count > 0u && is_seen_from_within(corner.look, front) {
+        let entry = entry_before(corner.relative, to_eye);
+        if entry.section != NO_ENTRY {
+            let face = light(hatched(corner.colour, pixel), -frame.sections[entry.section].xyz, to_eye);
+            result.colour = vec4<f32>(shoulder(face), 1.0);
+        }
+    }
+    if (corner.look & LOOK_GHOST) != 0u {
+        result.samples &= ghost_samples(pixel);
+    }
+    return result;
+}
+
+@fragment
+fn cut_fragment(corner: Corner, @builtin(front_facing) front: bool) -> CutPixel {
+    let kept = kept_samples(corner.relative);
+    return cut(corner, front, shaded(corner.relative, corner.normal, corner.colour), kept);
+}
+
+@fragment
+fn edged_cut_fragment(corner: EdgedCorner, @builtin(front_facing) front: bool) -> CutPixel {
+    let kept = kept_samples(corner.relative);
+    let surface = shaded(corner.relative, corner.normal, corner.colour);
+    let cover = line_cover(corner.place, corner.lines);
+    let plain = Corner(
+        corner.clip, corner.relative, corner.normal, corner.colour, corner.number, corner.look,
+    );
+    return cut(plain, front, lined(surface, cover), kept);
 }
 
 // A box: corner `index` of the 36 of the unit cube's triangles, two a face, placed by a row.
@@ -133,5 +287,5 @@ fn box_vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) number
     corner.clip = frame.clip_from_relative * vec4<f32>(corner.relative, 1.0);
     corner.normal = world_normal(row, normal);
     corner.colour = colour_from_8888(row.colour);
-    return corner;
+    return with_look(corner, row, number);
 }

@@ -49,7 +49,8 @@ struct SelectParams {
     zero: u32,
     candidate_count: u32,
     previous_count: u32,
-    padding: vec2<u32>,
+    parallel: u32,
+    padding: u32,
 }
 
 struct Weighed {
@@ -138,7 +139,8 @@ struct Seen {
 fn see(row: SelectRow) -> Seen {
     let centre = centre_from_eye(row);
     let radius2 = exact_dot(row.half_extent, row.half_extent);
-    let distance2 = max(add(exact_dot(centre, centre), -radius2), mul(radius2, 0.01));
+    let distance2 =
+        select(max(add(exact_dot(centre, centre), -radius2), mul(radius2, 0.01)), 1.0, params.parallel != 0u);
     let log2_distance2 = log2_exact(distance2);
     let log2_area = add(add(params.log2_area_scale, log2_exact(radius2)), -log2_distance2);
     return Seen(centre, log2_distance2, log2_area);

@@ -13,10 +13,12 @@
 mod ahead;
 mod boxes;
 mod caps;
+pub mod colour_by;
 mod content;
 mod mirror;
 mod plan;
 mod rebuild;
+mod show;
 mod squeeze;
 
 use std::sync::Arc;
@@ -26,7 +28,9 @@ use crate::gpu::batch::Batch;
 use crate::gpu::target::{Target, TargetError};
 use crate::gpu::timer::Timer;
 use crate::gpu::{Gpu, GpuError};
-use crate::passes::draw::{DrawBatch, DrawPass, FrameUniform, InstanceRow, Mode};
+use crate::passes::depth_cue::DepthCuePass;
+use crate::passes::draw::{DrawPass, FrameUniform, InstanceRow, Style};
+use crate::passes::pick::PickPass;
 use crate::reference::select::SelectView;
 use crate::scene::Scene;
 use crate::scene::camera::Camera;
@@ -40,8 +44,10 @@ use crate::stream::{Delta, Residency, ResidencyError, State, Strategy};
 use boxes::Boxes;
 use caps::residency_options;
 pub use content::ContentDigest;
+pub use show::Pick;
 use mirror::Mirror;
 use rebuild::Rebuild;
+use show::Looks;
 use squeeze::Squeeze;
 
 /// Why a frame could not be drawn.
@@ -164,6 +170,13 @@ pub struct Renderer {
     settings: Settings,
     target: Target,
     draw: DrawPass,
+    /// Made when they are first needed.
+    depth_cue: Option<DepthCuePass>,
+    pick: Option<PickPass>,
+    style: Style,
+    looks: Looks,
+    /// What the GPU has been told of the frame.
+    uniform: Option<FrameUniform>,
     rebuild: Rebuild,
     timer: Timer,
     wishes: Wishes,
@@ -200,8 +213,8 @@ pub struct Renderer {
     frame: u64,
     /// What `whole` sends a frame, the camera apart.
     bytes_of_whole: u64,
-    /// What was sent of boxes in this frame, whatever the strategy.
-    bytes_of_boxes: u64,
+    /// What was sent of camera, boxes and looks in this frame, whatever the strategy.
+    bytes_of_view: u64,
     visible: u64,
     /// Instances of which less had arrived than was wished for, and vertices that were wished for, by the last choice.
     misses: u64,
@@ -232,6 +245,11 @@ impl Renderer {
         let instances = scene.instances().len();
         let mut this = Self {
             target,
+            depth_cue: None,
+            pick: None,
+            style: Style::default(),
+            looks: Looks::new(instances),
+            uniform: None,
             rebuild: Rebuild::new(&gpu),
             timer: Timer::new(&gpu, MOST_TIMED_PASSES)?,
             wishes: Wishes::new(&gpu, &scene, settings.select)?,
@@ -257,7 +275,7 @@ impl Renderer {
             settled: false,
             frame: 0,
             bytes_of_whole: 0,
-            bytes_of_boxes: 0,
+            bytes_of_view: 0,
             visible: 0,
             misses: 0,
             wished: 0,
@@ -333,6 +351,7 @@ impl Renderer {
             eye: camera.eye.to_array(),
             planes,
             focal_px: camera.focal_px(self.settings.height),
+            parallel: camera.parallel.is_some(),
             min_area_px: self.squeeze.least_area_px(),
             max_area_px: self.settings.width as f32 * self.settings.height as f32,
             alpha: self.settings.alpha,
@@ -438,41 +457,6 @@ impl Renderer {
         Ok(())
     }
 
-    /// Stage 7.
-    fn draw(&mut self, camera: &Camera, record: &mut FrameRecord) -> Result<(), FrameError> {
-        let started = Instant::now();
-        self.bytes_of_boxes = if self.settled { 0 } else { self.place_boxes()? };
-        record.bytes_tables += self.bytes_of_boxes;
-        record.boxes = self.boxes.count();
-        let uniform = FrameUniform::new(camera, self.target.aspect(), Mode::Material);
-        if self.frames_at_rest == 0 {
-            self.draw.write_frame(&self.gpu.queue, &uniform);
-            record.bytes_tables += size_of_val(&uniform) as u64;
-        }
-        if self.settings.passes == PassesOn::Nowhere {
-            return Ok(());
-        }
-        let drawn: Vec<DrawBatch<'_>> = self
-            .batches
-            .iter()
-            .filter(|batch| batch.totals[2] > 0)
-            .map(|batch| DrawBatch {
-                instances: &batch.rows_group,
-                vertices: &batch.existing()[0],
-                indices: &batch.indices,
-                indirect: &batch.indirect,
-                indirect_offset: 0,
-            })
-            .collect();
-        let mut encoder = self.gpu.encoder("draw");
-        self.draw.record(&mut encoder, &self.target, &drawn, self.boxes.drawn(), self.timer.render("draw"));
-        self.timer.resolve(&mut encoder);
-        self.gpu.submit(encoder)?;
-        self.gpu.wait()?;
-        record.draw_ms = milliseconds_since(started);
-        Ok(())
-    }
-
     /// Fills in what is known when the frame is done.
     fn count(&mut self, record: &mut FrameRecord) -> Result<(), FrameError> {
         for (stage, ms) in self.timer.read(&self.gpu)? {
@@ -511,8 +495,7 @@ impl Renderer {
         record.bytes_triangles = record.streamed_triangles * crate::stream::delta::TRIANGLE_BYTES;
         record.bytes_sent =
             record.bytes_vertices + record.bytes_ecol + record.bytes_triangles + record.bytes_tables;
-        let camera = if self.frames_at_rest == 0 { size_of::<FrameUniform>() as u64 } else { 0 };
-        let all = self.bytes_of_whole + camera + self.bytes_of_boxes;
+        let all = self.bytes_of_whole + self.bytes_of_view;
         record.bytes_whole = all;
         record.bytes_per_part = all;
         record.gpu_bytes = self.gpu_bytes();
@@ -545,6 +528,11 @@ impl Renderer {
         &self.states
     }
 
+    /// The vertices that each instance is wished to have.
+    pub fn wishes(&self) -> &[u32] {
+        self.wishes.get()
+    }
+
     /// How many batches the instances are dealt to.
     pub fn batch_count(&self) -> usize {
         self.batches.len()
@@ -560,7 +548,8 @@ impl Renderer {
             if !colours.is_empty() && rows.len() < 1 << 24 {
                 let (row, first) = (rows[i], rows.len() as u32);
                 rows.extend(colours.iter().map(|&colour| row.with_colour(colour)));
-                rows[i].colour = InstanceRow::SLOTTED | first;
+                let kept = row.colour & (InstanceRow::CLOSED | InstanceRow::INSIDE_OUT);
+                rows[i].colour = InstanceRow::SLOTTED | kept | first;
             }
         }
         rows
@@ -569,7 +558,9 @@ impl Renderer {
     fn instance_row(&self, number: u32) -> InstanceRow {
         let instance = &self.scene.instances()[number as usize];
         let part = &self.scene.parts()[instance.part as usize];
-        InstanceRow::new(instance.transform(), part.grid(), self.scene.colour(instance), part.attributes())
+        let placed = instance.transform();
+        InstanceRow::new(placed, part.grid(), self.scene.colour(instance), part.attributes())
+            .closed(part.closure(), placed)
     }
 }
 

@@ -71,6 +71,7 @@ fn view_of(scene: &Scene, frame: u64, budget: u32, dead_band: f32) -> SelectView
         eye: camera.eye.to_array(),
         planes,
         focal_px: camera.focal_px(1000),
+        parallel: false,
         min_area_px: 1.0,
         max_area_px: 1.5e6,
         alpha: 3.0,

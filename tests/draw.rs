@@ -6,7 +6,9 @@ use collapsar::geometry::record::Attributes;
 use collapsar::geometry::{Grid, VertexRecord, quantize};
 use collapsar::gpu::target::{Target, TargetError};
 use collapsar::gpu::testing::{self, TestDevice};
-use collapsar::passes::draw::{DrawBatch, DrawPass, FrameUniform, InstanceRow, Mode};
+use collapsar::passes::draw::{
+    Asked, DrawBatch, DrawList, DrawPass, FrameUniform, InstanceRow, LookRow, Mode, Style,
+};
 use collapsar::scene::Camera;
 use glam::{DAffine3, DMat3, DVec3};
 use wgpu::util::DeviceExt;
@@ -84,7 +86,7 @@ fn buffer(gpu: &TestDevice, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu:
 fn draw(gpu: &TestDevice, scene: &Scene, samples: u32, mode: Mode) -> Target {
     let target = Target::new(&gpu.device, SIZE, SIZE, samples).unwrap();
     let pass = DrawPass::new(&gpu.device, samples);
-    pass.write_frame(&gpu.queue, &FrameUniform::new(&scene.camera, target.aspect(), mode));
+    pass.write_frame(&gpu.queue, &FrameUniform::new(&scene.camera, target.aspect(), &Style { mode, ..Style::default() }));
     let indices = cube_indices(scene.vertices.len() as u32 / 24);
     let arguments = wgpu::util::DrawIndexedIndirectArgs {
         index_count: indices.len() as u32,
@@ -93,15 +95,18 @@ fn draw(gpu: &TestDevice, scene: &Scene, samples: u32, mode: Mode) -> Target {
     };
     let usages = wgpu::BufferUsages::STORAGE;
     let rows = buffer(gpu, bytemuck::cast_slice(&scene.rows), usages);
+    let looks = buffer(gpu, bytemuck::cast_slice(&vec![LookRow::default(); scene.rows.len()]), usages);
     let batch = DrawBatch {
-        instances: &pass.bind_instances(&gpu.device, &rows),
+        triangles: &rows,
+        instances: &pass.bind_instances(&gpu.device, &rows, &looks),
         vertices: &buffer(gpu, bytemuck::cast_slice(&scene.vertices), usages | wgpu::BufferUsages::VERTEX),
         indices: &buffer(gpu, bytemuck::cast_slice(&indices), usages | wgpu::BufferUsages::INDEX),
         indirect: &buffer(gpu, arguments.as_bytes(), usages | wgpu::BufferUsages::INDIRECT),
         indirect_offset: 0,
     };
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    pass.record(&mut encoder, &target, &[batch], None, None);
+    let list = DrawList { asked: Asked::default(), batches: &[batch], boxes: None };
+    pass.record(&gpu.device, &mut encoder, &target, &list, None);
     gpu.queue.submit([encoder.finish()]);
     target
 }

@@ -724,6 +724,7 @@ fn view(budget: u32) -> SelectView {
             [-1.0, 0.0, 0.0, 1e6],
         ],
         focal_px: 900.0,
+        parallel: false,
         min_area_px: 1.0,
         max_area_px: 1920.0 * 1080.0,
         alpha: 3.0,
@@ -975,8 +976,9 @@ prop_compose! {
         error_px in prop_oneof![Just(0f32), 0.1f32..50.0],
         dead_band in prop_oneof![Just(0f32), 0f32..1.5],
         min_area_px in prop_oneof![Just(0f32), 0.01f32..100.0],
+        parallel in any::<bool>(),
     ) -> SelectView {
-        SelectView { alpha, error_px, dead_band, min_area_px, ..view(budget) }
+        SelectView { alpha, error_px, dead_band, min_area_px, parallel, ..view(budget) }
     }
 }
 

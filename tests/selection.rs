@@ -82,6 +82,7 @@ fn view(eye: DVec3, towards: DVec3, fov: f64, min_area_px: f32, budget: u32) -> 
         eye: eye.to_array(),
         planes,
         focal_px: camera.focal_px(720),
+        parallel: false,
         min_area_px,
         max_area_px: 1e6,
         alpha: 3.0,
@@ -122,8 +123,9 @@ prop_compose! {
         budget in prop_oneof![Just(0u32), 0u32..3000, 0u32..3_000_000, Just(u32::MAX)],
         error_px in prop_oneof![Just(0f32), 0.01f32..50.0],
         dead_band in prop_oneof![Just(0f32), 0f32..0.5],
+        parallel in any::<bool>(),
     ) -> SelectView {
-        SelectView { error_px, dead_band, ..view(eye, towards, fov, min_area_px, budget) }
+        SelectView { error_px, dead_band, parallel, ..view(eye, towards, fov, min_area_px, budget) }
     }
 }
 

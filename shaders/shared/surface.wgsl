@@ -9,12 +9,21 @@ struct Frame {
     // What to show: MODE_*.
     mode: u32,
     eye_low: vec3<f32>,
-    unused_0: u32,
+    // 1 without perspective.
+    parallel: u32,
     // Unit directions in world space: to the key light, and out of the two sides of the camera.
     to_key: vec3<f32>,
-    unused_1: u32,
+    // How many of the sections are used.
+    section_count: u32,
     to_rim: vec3<f32>,
-    unused_2: u32,
+    // Half the width of lines, in pixels.
+    line_px: f32,
+    // Backwards along the view; where everything is seen from, without perspective.
+    to_viewer: vec3<f32>,
+    // Which edges are drawn: EDGES_*.
+    edges: u32,
+    // Planes relative to the eye, in world axes, unit normals; what is kept has dot(xyz, p) + w >= 0 for all.
+    sections: array<vec4<f32>, 12>,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
@@ -26,6 +35,18 @@ struct Corner {
     @location(1) normal: vec3<f32>,
     // Linear light.
     @location(2) colour: vec3<f32>,
+    // The number of the instance in the scene.
+    @location(3) @interpolate(flat) number: u32,
+    // LOOK_* in `draw.wgsl`; 0 is nothing special.
+    @location(4) @interpolate(flat) look: u32,
+}
+
+// The unit direction to where a corner is seen from.
+fn to_eye_from(relative: vec3<f32>) -> vec3<f32> {
+    if frame.parallel != 0u {
+        return frame.to_viewer;
+    }
+    return safe_normalize(-relative);
 }
 
 fn linear_from_srgb(srgb: vec3<f32>) -> vec3<f32> {
@@ -80,12 +101,16 @@ fn shoulder(colour: vec3<f32>) -> vec3<f32> {
     return min(colour, vec3<f32>(0.7)) + 0.3 * (above / (above + 0.3));
 }
 
+fn shaded(relative: vec3<f32>, normal: vec3<f32>, colour: vec3<f32>) -> vec4<f32> {
+    let facet = safe_normalize(cross(dpdx(relative), dpdy(relative)));
+    let to_eye = to_eye_from(relative);
+    let n = facing_normal(normal, facet, to_eye);
+    return vec4<f32>(shoulder(light(colour, n, to_eye)), 1.0);
+}
+
 @fragment
 fn draw_fragment(corner: Corner) -> @location(0) vec4<f32> {
-    let facet = safe_normalize(cross(dpdx(corner.relative), dpdy(corner.relative)));
-    let to_eye = safe_normalize(-corner.relative);
-    let n = facing_normal(corner.normal, facet, to_eye);
-    return vec4<f32>(shoulder(light(corner.colour, n, to_eye)), 1.0);
+    return shaded(corner.relative, corner.normal, corner.colour);
 }
 
 struct Backdrop {

@@ -5,6 +5,7 @@
 //! So a bake holds the bodies at hand and a few hundred bytes for each that is done; what they may take together is
 //! capped (`gate.rs`). The bytes written depend neither on the number of threads nor on interruptions.
 
+pub mod beside;
 mod bodies;
 mod file_boundary;
 mod gate;

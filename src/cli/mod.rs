@@ -1,8 +1,10 @@
 //! The verbs of the command line, one file each, and what they share.
 
 mod bake;
+mod baked;
 mod bandwidth;
 mod compare;
+mod cuts;
 mod demo;
 mod export;
 mod failure;
@@ -12,6 +14,7 @@ mod interrupt;
 mod output;
 mod progress;
 mod report;
+mod shot;
 mod synth;
 mod values;
 mod verify;
@@ -53,6 +56,8 @@ enum Verb {
     Compare(compare::CompareArguments),
     /// Fly along a camera path without a window; write pictures and what each frame sent.
     Fly(fly::FlyArguments),
+    /// Take one picture of a model, from any side, cut, coloured or isolated.
+    Shot(shot::ShotArguments),
     /// Make one page, with plots and pictures, of what flights have written.
     Report(report::ReportArguments),
     /// Make a CAD-like assembly of any size: an airliner, a ship or a plant.
@@ -72,6 +77,7 @@ pub fn run(arguments: Arguments) -> Result<(), Failure> {
         Verb::Export(arguments) => export::run(&arguments),
         Verb::Compare(arguments) => compare::run(&arguments),
         Verb::Fly(arguments) => fly::run(&arguments),
+        Verb::Shot(arguments) => shot::run(&arguments),
         Verb::Report(arguments) => report::run(&arguments),
         Verb::Synth(arguments) => synth::run(&arguments),
         Verb::Bandwidth(arguments) => bandwidth::run(&arguments),

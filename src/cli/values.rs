@@ -56,6 +56,18 @@ pub fn size(text: &str) -> Result<(u32, u32), String> {
     }
 }
 
+/// A field of view.
+pub fn degrees(text: &str) -> Result<f64, String> {
+    let degrees = scaled(text, &[])?;
+    if (1.0..=170.0).contains(&degrees) { Ok(degrees) } else { Err("must be from 1 to 170".to_owned()) }
+}
+
+/// A strength.
+pub fn up_to_two(text: &str) -> Result<f64, String> {
+    let number = scaled(text, &[])?;
+    if number <= 2.0 { Ok(number) } else { Err("must be from 0 to 2".to_owned()) }
+}
+
 /// A number above zero.
 pub fn positive(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {

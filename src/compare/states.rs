@@ -71,6 +71,7 @@ mod tests {
             locked: 3,
             errors,
             stall: Stall::None,
+            closure: Default::default(),
         }
     }
 

@@ -233,7 +233,9 @@ fn check_part(row: &PartRow) -> RowCheck {
         format!("it has {} triangles, more than {MAX_PART_TRIANGLES}", row.triangles)
     })?;
     ensure(row.locked >= 1, || "its coarsest state has no vertex".to_owned())?;
-    ensure(row.flags & !(PartRow::COLOURED | PartRow::CELL | PartRow::SLOTTED) == 0, || {
+    const KNOWN: u32 =
+        PartRow::COLOURED | PartRow::CELL | PartRow::SLOTTED | PartRow::CLOSED | PartRow::INSIDE_OUT;
+    ensure(row.flags & !KNOWN == 0, || {
         format!("its flags are {:#x}, not all of which are known", row.flags)
     })?;
     let slotted = row.attributes() == Attributes::Slot;

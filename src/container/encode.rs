@@ -2,7 +2,7 @@
 
 use super::ContainerError;
 use super::format::*;
-use crate::geometry::OrderedPart;
+use crate::geometry::{Closure, OrderedPart};
 use crate::geometry::record::Attributes;
 
 /// A part as it will lie in a file; names and numbers that depend on other parts are not set.
@@ -100,7 +100,9 @@ pub(super) fn part_row(part: &OrderedPart, cell: bool) -> PartRow {
         step_exponent: part.grid.step_exponent,
         flags: flag(part.attributes == Attributes::Colour, PartRow::COLOURED)
             | flag(part.attributes == Attributes::Slot, PartRow::SLOTTED)
-            | flag(cell, PartRow::CELL),
+            | flag(cell, PartRow::CELL)
+            | flag(part.closure != Closure::Open, PartRow::CLOSED)
+            | flag(part.closure == Closure::InsideOut, PartRow::INSIDE_OUT),
         grid_low,
         grid_high,
         vertices: part.vertices.len() as u32,

@@ -8,7 +8,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::DAffine3;
 use xxhash_rust::xxh3::xxh3_64;
 
-use crate::geometry::Grid;
+use crate::geometry::{Closure, Grid};
 use crate::geometry::record::{Attributes, CellPlace, ERROR_SAMPLES, Stall};
 
 #[cfg(target_endian = "big")]
@@ -207,6 +207,19 @@ impl PartRow {
 
     /// Flag: attributes are a normal of 2 x 12 bits and a material slot of 8 bits.
     pub const SLOTTED: u32 = 4;
+    /// Flag: its surface, or that of the part whose cell it is, closes off a volume.
+    pub const CLOSED: u32 = 8;
+    /// Flag, only with [`PartRow::CLOSED`]: its triangles are clockwise from outside.
+    pub const INSIDE_OUT: u32 = 16;
+
+    /// Whether its surface closes off a volume.
+    pub fn closure(&self) -> Closure {
+        match (self.flags & Self::CLOSED != 0, self.flags & Self::INSIDE_OUT != 0) {
+            (true, false) => Closure::Closed,
+            (true, true) => Closure::InsideOut,
+            (false, _) => Closure::Open,
+        }
+    }
 
     /// The grid of its positions.
     pub fn grid(&self) -> Grid {

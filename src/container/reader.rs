@@ -232,6 +232,7 @@ pub(super) fn join(row: &PartRow, views: &[ChunkView]) -> OrderedPart {
         errors: row.errors,
         stall: row.stall(),
         place: row.place(),
+        closure: row.closure(),
     };
     for (view, tier) in views.iter().zip(&mut part.tiers).rev() {
         part.vertices.extend_from_slice(view.vertices);

@@ -12,7 +12,7 @@ impl Renderer {
         let Some(camera) = self.ahead else { return };
         let focal_px = f64::from(camera.focal_px(self.settings.height));
         let seen = in_view(self.scene.boxes(), &camera, self.target.aspect(), |bounds| {
-            diagonal_px(bounds, camera.eye, focal_px)
+            diagonal_px(bounds, &camera, focal_px)
         });
         let vertices_per_response = self.vertices_per_response();
         let mut ahead: Vec<Wanted> = Vec::new();

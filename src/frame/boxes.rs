@@ -4,7 +4,7 @@ use super::{FrameError, Renderer};
 use crate::geometry::Grid;
 use crate::geometry::record::Attributes;
 use crate::gpu::{Gpu, GpuError};
-use crate::passes::draw::{DrawPass, InstanceRow};
+use crate::passes::draw::{DrawPass, InstanceRow, Look, LookRow};
 use crate::scene::Scene;
 use glam::{DAffine3, DMat3, DVec3};
 
@@ -16,6 +16,7 @@ const MOST: usize = 1 << 18;
 /// The rows of all boxes, on the GPU.
 pub(super) struct Boxes {
     rows: wgpu::Buffer,
+    looks: wgpu::Buffer,
     group: wgpu::BindGroup,
     drawn: Vec<u32>,
 }
@@ -23,7 +24,9 @@ pub(super) struct Boxes {
 impl Boxes {
     pub fn new(gpu: &Gpu, draw: &DrawPass) -> Result<Self, GpuError> {
         let rows = gpu.storage("box rows", size_of::<InstanceRow>() as u64)?;
-        Ok(Self { group: draw.bind_instances(&gpu.device, &rows), rows, drawn: Vec::new() })
+        let looks = gpu.storage("box looks", size_of::<LookRow>() as u64)?;
+        let group = draw.bind_instances(&gpu.device, &rows, &looks);
+        Ok(Self { group, rows, looks, drawn: Vec::new() })
     }
 
     /// What the draw pass needs, if there are any.
@@ -36,7 +39,7 @@ impl Boxes {
     }
 
     pub fn size_bytes(&self) -> u64 {
-        self.rows.size()
+        self.rows.size() + self.looks.size()
     }
 
     /// Takes other instances; returns the bytes sent, none if they are the same as before.
@@ -44,7 +47,7 @@ impl Boxes {
         &mut self,
         gpu: &Gpu,
         draw: &DrawPass,
-        scene: &Scene,
+        (scene, looks): (&Scene, &[Look]),
         instances: Vec<u32>,
     ) -> Result<u64, GpuError> {
         if instances == self.drawn {
@@ -54,11 +57,21 @@ impl Boxes {
         let bytes = size_of_val(rows.as_slice()) as u64;
         if bytes > self.rows.size() {
             self.rows = gpu.storage("box rows", bytes + bytes / 4)?;
-            self.group = draw.bind_instances(&gpu.device, &self.rows);
+            let share = (size_of::<InstanceRow>() / size_of::<LookRow>()) as u64;
+            self.looks = gpu.storage("box looks", self.rows.size() / share)?;
+            self.group = draw.bind_instances(&gpu.device, &self.rows, &self.looks);
         }
         gpu.queue.write_buffer(&self.rows, 0, bytemuck::cast_slice(&rows));
         self.drawn = instances;
-        Ok(bytes)
+        Ok(bytes + self.write_looks(gpu, looks))
+    }
+
+    /// Sends how the boxes look, given all looks of the scene; returns the bytes.
+    pub fn write_looks(&self, gpu: &Gpu, looks: &[Look]) -> u64 {
+        let row = |&number: &u32| LookRow { number, look: looks[number as usize] };
+        let rows: Vec<LookRow> = self.drawn.iter().map(row).collect();
+        gpu.queue.write_buffer(&self.looks, 0, bytemuck::cast_slice(&rows));
+        size_of_val(rows.as_slice()) as u64
     }
 }
 
@@ -82,7 +95,7 @@ impl Renderer {
                 && !self.parent_is_drawn(instance)
         });
         let instances = small.map(|(&instance, _)| instance).take(MOST).collect();
-        Ok(self.boxes.set(&self.gpu, &self.draw, &self.scene, instances)?)
+        Ok(self.boxes.set(&self.gpu, &self.draw, (&self.scene, self.looks.all()), instances)?)
     }
 
     /// Whether a parent cell stands in for an instance.

@@ -3,7 +3,6 @@
 use std::ops::Range;
 use std::time::Instant;
 
-use glam::DVec3;
 
 use super::{DRAW_BYTES, FrameError, PassesOn, Renderer, milliseconds_since};
 use crate::gpu::batch::{Batch, STREAMS, fits};
@@ -46,6 +45,7 @@ impl Renderer {
         self.mirrors.clear();
         self.states.fill(State::default());
         self.held.clear();
+        self.looks.forget();
         for first in 0..batches {
             let instances: Vec<u32> = (first as u32..count as u32).step_by(batches).collect();
             let rows = self.instance_rows(&instances);
@@ -72,7 +72,7 @@ impl Renderer {
             let coarsest = tiers.len().saturating_sub(1) as u32;
             let sizes = tiers.iter().map(|tier| tier.vertices);
             let tier = wish.map_or(coarsest, |wish| coarsest_tier_with(sizes, wish));
-            let px = diagonal_px(&boxes[instance as usize], camera.eye, focal_px) as f32;
+            let px = diagonal_px(&boxes[instance as usize], camera, focal_px) as f32;
             let weight = px.powi(3);
             add_wanted(&mut wanted, slots, Wanted { part, tier, weight });
             px
@@ -274,8 +274,11 @@ pub(super) fn add_wanted(list: &mut Vec<Wanted>, slots: &mut [u32], want: Wanted
 }
 
 /// How long a box seems, in pixels, as seen from no nearer than its own surface.
-pub(super) fn diagonal_px(bounds: &InstanceBox, eye: DVec3, focal_px: f64) -> f64 {
-    let distance = (bounds.centre - eye).length() - 0.5 * bounds.diagonal;
+pub(super) fn diagonal_px(bounds: &InstanceBox, camera: &Camera, focal_px: f64) -> f64 {
+    if camera.parallel.is_some() {
+        return focal_px * bounds.diagonal;
+    }
+    let distance = camera.distance(bounds.centre) - 0.5 * bounds.diagonal;
     focal_px * bounds.diagonal / distance.max(0.05 * bounds.diagonal).max(f64::MIN_POSITIVE)
 }
 

@@ -11,6 +11,7 @@ use rustc_hash::{FxHashMap, FxHashSet};
 use super::adjacency::{EdgeCounts, PositionEdge, counts_of, position_edges};
 use super::cell_tree::{Joining, Watch, order_cells};
 use super::cells;
+use super::closure::closure_of;
 use super::collapse::Boundary;
 use super::record::{Grid, MAX_PART_VERTICES, OrderedPart};
 use super::weld::{WeldedMesh, grid_around, weld};
@@ -86,7 +87,11 @@ pub fn order_body(meshes: Vec<SourceMesh>, options: OrderOptions, watch: &dyn Wa
     let ordered: Vec<Vec<OrderedPart>> = welded
         .into_par_iter()
         .with_max_len(1)
-        .map(|welded| order_cells(cells::cut(welded.mesh), joining, watch))
+        .map(|welded| {
+            let closure = closure_of(&welded.mesh);
+            let cells = order_cells(cells::cut(welded.mesh), joining, watch);
+            cells.into_iter().map(|cell| OrderedPart { closure, ..cell }).collect()
+        })
         .collect();
     let mesh_of =
         ordered.iter().enumerate().flat_map(|(mesh, cells)| cells.iter().map(move |_| mesh)).collect();

@@ -254,6 +254,7 @@ impl Node {
             triangles_at: self.ordered.triangles_at,
             vertices: self.ordered.vertices,
             place: CellPlace { parent_distance: 0, leaf_cells: self.leaf_cells },
+            closure: Default::default(),
         }
     }
 }

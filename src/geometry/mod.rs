@@ -9,6 +9,7 @@ pub mod adjacency;
 pub mod body;
 pub mod cell_tree;
 pub mod cells;
+pub mod closure;
 pub mod collapse;
 pub mod normals;
 pub mod order;
@@ -21,6 +22,7 @@ pub mod triangles_at;
 pub mod weld;
 pub mod weld_near;
 
+pub use closure::Closure;
 pub use collapse::Boundary;
 pub use record::{Grid, OrderedPart, OrderedTier, TriangleRecord, VertexRecord};
 pub use triangles_at::TrianglesAt;

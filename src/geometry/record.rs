@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use super::TrianglesAt;
+use super::{Closure, TrianglesAt};
 
 /// The most vertices that a part may have: local indices fit 16 bits.
 pub const MAX_PART_VERTICES: usize = 1 << 16;
@@ -139,6 +139,8 @@ pub struct OrderedPart {
     pub stall: Stall,
     /// Where it stands among the cells of its part.
     pub place: CellPlace,
+    /// Whether its surface, or that of the part whose cell it is, closes off a volume.
+    pub closure: Closure,
 }
 
 /// Where a cell stands among the cells of its part, which lie one after another, parents before their children. All

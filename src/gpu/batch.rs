@@ -4,7 +4,7 @@
 //! is about to be written may be replaced by a larger one at any time, because nothing in it is needed any more.
 
 use super::{Gpu, GpuError};
-use crate::passes::draw::{DrawPass, InstanceRow};
+use crate::passes::draw::{DrawPass, InstanceRow, Look, LookRow};
 
 /// Vertices, `ecol`, triangles: the streams, in the order of every array of three.
 pub const STREAMS: usize = 3;
@@ -40,9 +40,10 @@ pub struct Batch {
     pub indices: wgpu::Buffer,
     /// Arguments of its one indirect draw.
     pub indirect: wgpu::Buffer,
-    /// The table of its instances, bound for drawing.
+    /// The tables of its instances, bound for drawing.
     pub rows_group: wgpu::BindGroup,
     rows: wgpu::Buffer,
+    looks: wgpu::Buffer,
     /// Which copy is existing.
     existing: usize,
     /// Active elements of each stream in the existing copy.
@@ -67,6 +68,7 @@ impl Batch {
         };
         let rows_buffer = storage("instance rows", size_of_val(rows) as u64)?;
         gpu.queue.write_buffer(&rows_buffer, 0, bytemuck::cast_slice(rows));
+        let looks = storage("looks", size_of::<LookRow>() as u64 * instances.len() as u64)?;
         Ok(Self {
             budgets: three("budgets", counts)?,
             streamed_counts: three("streamed counts", counts)?,
@@ -81,12 +83,21 @@ impl Batch {
                 20,
                 wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::COPY_DST,
             )?,
-            rows_group: draw.bind_instances(&gpu.device, &rows_buffer),
+            rows_group: draw.bind_instances(&gpu.device, &rows_buffer, &looks),
             rows: rows_buffer,
+            looks,
             existing: 0,
             totals: [0; STREAMS],
             instances,
         })
+    }
+
+    /// Sends how its instances look, given all looks of the scene; returns the bytes.
+    pub fn write_looks(&self, gpu: &Gpu, looks: &[Look]) -> u64 {
+        let row = |&number: &u32| LookRow { number, look: looks[number as usize] };
+        let rows: Vec<LookRow> = self.instances.iter().map(row).collect();
+        gpu.queue.write_buffer(&self.looks, 0, bytemuck::cast_slice(&rows));
+        size_of_val(rows.as_slice()) as u64
     }
 
     /// How many instances it has.
@@ -148,7 +159,7 @@ impl Batch {
     pub fn fixed_bytes(&self) -> u64 {
         let threes =
             [&self.budgets, &self.streamed_counts, &self.streamed_starts].into_iter().chain(&self.starts);
-        threes.flatten().chain([&self.indirect, &self.rows]).map(wgpu::Buffer::size).sum()
+        threes.flatten().chain([&self.indirect, &self.rows, &self.looks]).map(wgpu::Buffer::size).sum()
     }
 
     /// Bytes of all its buffers.
@@ -157,7 +168,7 @@ impl Batch {
             .into_iter()
             .chain(&self.starts)
             .chain(&self.active);
-        let single = [&self.grants, &self.streamed, &self.indices, &self.indirect, &self.rows];
+        let single = [&self.grants, &self.streamed, &self.indices, &self.indirect, &self.rows, &self.looks];
         threes.flatten().chain(single).map(wgpu::Buffer::size).sum()
     }
 }

@@ -165,8 +165,10 @@ shared! {
         pub candidate_count: u32,
         /// Instances that were looked at the last time.
         pub previous_count: u32,
+        /// 1 if everything is at distance 1 (a camera without perspective), else 0.
+        pub parallel: u32,
         /// Zero.
-        pub padding: [u32; 2],
+        pub padding: u32,
     }
 
     /// An instance between the kernels of a selection; all zeros if it is culled.

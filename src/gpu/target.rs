@@ -93,10 +93,12 @@ impl Target {
                 view_formats: &[],
             })
         };
-        let resolved = texture("target colour", COLOUR_FORMAT, 1, attachment | wgpu::TextureUsages::COPY_SRC);
+        let read = wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::TEXTURE_BINDING;
+        let resolved = texture("target colour", COLOUR_FORMAT, 1, attachment | read);
         let multisampled =
             (samples > 1).then(|| texture("target samples", COLOUR_FORMAT, samples, attachment));
-        let depth = texture("target depth", DEPTH_FORMAT, samples, attachment);
+        let bound = wgpu::TextureUsages::TEXTURE_BINDING;
+        let depth = texture("target depth", DEPTH_FORMAT, samples, attachment | bound);
         if let Some(source) = pollster::block_on(scope.pop()) {
             return Err(TargetError::OutOfMemory { width, height, source });
         }
@@ -149,13 +151,33 @@ impl Target {
         wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target, ops }
     }
 
-    /// The depth attachment, cleared to infinity.
-    pub fn depth_attachment(&self) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+    /// The picture, resolved if multisampled, with what it shows kept.
+    pub fn resolved_attachment(&self) -> wgpu::RenderPassColorAttachment<'_> {
+        wgpu::RenderPassColorAttachment {
+            view: &self.resolved_view,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations { load: wgpu::LoadOp::Load, store: wgpu::StoreOp::Store },
+        }
+    }
+
+    /// The picture as a texture.
+    pub fn view(&self) -> &wgpu::TextureView {
+        &self.resolved_view
+    }
+
+    /// The depth of every sample.
+    pub fn depth_view(&self) -> &wgpu::TextureView {
+        &self.depth_view
+    }
+
+    /// The depth attachment, cleared to infinity; with `keep` it is there after the pass.
+    pub fn depth_attachment(&self, keep: bool) -> wgpu::RenderPassDepthStencilAttachment<'_> {
         wgpu::RenderPassDepthStencilAttachment {
             view: &self.depth_view,
             depth_ops: Some(wgpu::Operations {
                 load: wgpu::LoadOp::Clear(0.0),
-                store: wgpu::StoreOp::Discard,
+                store: if keep { wgpu::StoreOp::Store } else { wgpu::StoreOp::Discard },
             }),
             stencil_ops: None,
         }

@@ -1,117 +1,40 @@
 //! draw: active vertices and the reformed index buffer of every batch in, a lit picture out.
 //!
 //! One indirect draw per batch. A vertex carries the number of its instance within the batch, so transforms and
-//! colours come from a table of [`InstanceRow`]s. Depth is reversed; there is no culling by winding, because CAD data
-//! does not keep it.
+//! colours come from a table of [`InstanceRow`]s, and what the user has done to an instance from one of [`LookRow`]s: to
+//! hide, ghost or colour any number of instances writes words of that table and streams nothing. Depth is reversed; there
+//! is no culling by winding, because CAD data does not keep it.
+//!
+//! Sections cut sample by sample, and close what they cut without geometry (`shaders/shared/section.wgsl`). Where edges
+//! are drawn the same buffers are read as storage, because a corner must know its triangle.
 
-use bytemuck::{Pod, Zeroable};
-use glam::{DAffine3, DVec3, Mat4, Vec3};
+mod pipelines;
+mod row;
+mod uniform;
 
-use crate::geometry::Grid;
-use crate::geometry::record::Attributes;
-use crate::gpu::target::{COLOUR_FORMAT, DEPTH_FORMAT, Target};
-use crate::import::Colour;
-use crate::scene::camera::{Camera, split_f64};
+use std::collections::HashMap;
+
+use crate::gpu::target::Target;
+pub(super) use pipelines::depth_state;
+use pipelines::{Drawn, Kind, Pipelines};
+pub use row::{InstanceRow, Look, LookRow};
+pub use uniform::{Edges, FrameUniform, MOST_SECTIONS, Mode, Section, Style};
 
 /// What a surface and the background look like, whoever places the corners: the first piece of [`SHADER`].
 pub const SURFACE: &str = include_str!("../../shaders/shared/surface.wgsl");
 
 /// The shader's source.
-pub const SHADER: &str =
-    concat!(include_str!("../../shaders/shared/surface.wgsl"), include_str!("../../shaders/draw.wgsl"));
+pub const SHADER: &str = concat!(
+    include_str!("../../shaders/shared/surface.wgsl"),
+    include_str!("../../shaders/shared/section.wgsl"),
+    include_str!("../../shaders/draw.wgsl")
+);
 
 /// Corners of the triangles of a box.
 const BOX_CORNERS: u32 = 36;
 
 /// Bytes of an active vertex: the three words of a vertex record, then its instance's number within the batch.
 pub const ACTIVE_VERTEX_BYTES: u64 = 16;
-
-/// What the colour of a surface shows.
-#[repr(u32)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Mode {
-    /// Its material.
-    #[default]
-    Material = 0,
-    /// Its instance, by number within the batch.
-    Instance = 1,
-}
-
-/// What is the same for everything drawn in a frame; `Frame` in the shader.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct FrameUniform {
-    clip_from_relative: Mat4,
-    eye_high: Vec3,
-    mode: u32,
-    eye_low: Vec3,
-    unused_0: u32,
-    to_key: Vec3,
-    unused_1: u32,
-    to_rim: Vec3,
-    unused_2: u32,
-}
-
-impl FrameUniform {
-    /// The frame as `camera` sees it in a picture of that aspect (width over height).
-    pub fn new(camera: &Camera, aspect: f32, mode: Mode) -> Self {
-        let (eye_high, eye_low) = camera.split_eye();
-        let towards = |right: f64, up: f64, back: f64| {
-            (camera.world_from_view * DVec3::new(right, up, back).normalize()).as_vec3()
-        };
-        Self {
-            clip_from_relative: camera.clip_from_relative(aspect),
-            eye_high,
-            mode: mode as u32,
-            eye_low,
-            to_key: towards(-0.6, 0.7, 0.6),
-            to_rim: towards(0.85, 0.15, -0.35),
-            unused_0: 0,
-            unused_1: 0,
-            unused_2: 0,
-        }
-    }
-}
-
-/// One instance of a batch: 64 bytes; the same name in the shader.
-#[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
-pub struct InstanceRow {
-    /// Column i of the linear part times the grid step; `[3]` is component i of the translation's high part.
-    pub columns: [[f32; 4]; 3],
-    /// The translation's low part.
-    pub translation_low: [f32; 3],
-    /// sRGB in the low 24 bits, red lowest, and [`InstanceRow::COLOURED`]; or with [`InstanceRow::SLOTTED`] the number
-    /// of the row whose colour slot 0 has.
-    pub colour: u32,
-}
-
-impl InstanceRow {
-    /// Bit of `colour`: the part's vertices carry colours, and the row's is not used.
-    pub const COLOURED: u32 = 1 << 24;
-
-    /// Bit of `colour`: the part's vertices carry slots, and the low 24 bits are the number of a row: the colour of slot
-    /// `s` is that of the row `s` after it.
-    pub const SLOTTED: u32 = 1 << 25;
-
-    /// The row of a part on `grid`, placed by `world_from_part`; that of a slotted part still lacks the number of its
-    /// first colour's row.
-    pub fn new(world_from_part: DAffine3, grid: Grid, colour: Colour, attributes: Attributes) -> Self {
-        let origin = world_from_part.transform_point3(DVec3::from_array(grid.origin));
-        let (high, low) = split_f64(origin);
-        let linear = world_from_part.matrix3 * grid.step();
-        let column = |i: usize| linear.col(i).as_vec3().extend(high[i]).to_array();
-        let flag = if attributes == Attributes::Colour { Self::COLOURED } else { 0 };
-        let columns = [column(0), column(1), column(2)];
-        let row = Self { columns, translation_low: low.to_array(), colour: 0 }.with_colour(colour);
-        Self { colour: row.colour | flag, ..row }
-    }
-
-    /// The same row with another colour, and no flags.
-    pub fn with_colour(self, [red, green, blue, _]: Colour) -> Self {
-        Self { colour: u32::from_le_bytes([red, green, blue, 0]), ..self }
-    }
-}
 
 /// What is drawn of one batch.
 #[derive(Debug, Clone, Copy)]
@@ -122,19 +45,41 @@ pub struct DrawBatch<'a> {
     pub vertices: &'a wgpu::Buffer,
     /// Indices of 32 bits into `vertices`.
     pub indices: &'a wgpu::Buffer,
-    /// Holds the arguments of one indexed indirect draw.
+    /// Active triangles, 8 bytes each; only their flags are read, where edges are drawn.
+    pub triangles: &'a wgpu::Buffer,
+    /// Holds the arguments of one indexed indirect draw, of which the first four are also those of one that is not indexed.
     pub indirect: &'a wgpu::Buffer,
     /// Where in `indirect`, in bytes.
     pub indirect_offset: u64,
 }
 
+/// What a frame asks of the pass.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Asked {
+    /// Whether any edges are drawn.
+    pub edges: bool,
+    /// Whether there are sections or ghosts.
+    pub is_cut: bool,
+    /// Whether the depth is kept for what comes after.
+    pub depth: bool,
+}
+
+/// What is drawn in one go.
+#[derive(Debug, Clone, Copy)]
+pub struct DrawList<'a> {
+    /// What [`DrawPass::prepare`] has been asked for.
+    pub asked: Asked,
+    /// The batches.
+    pub batches: &'a [DrawBatch<'a>],
+    /// The tables of boxes, from [`DrawPass::bind_instances`], and their number: each row places the unit cube.
+    pub boxes: Option<(&'a wgpu::BindGroup, u32)>,
+}
+
 /// Pipelines and the frame's uniform.
 #[derive(Debug)]
 pub struct DrawPass {
-    scene: wgpu::RenderPipeline,
-    boxes: wgpu::RenderPipeline,
-    background: wgpu::RenderPipeline,
-    instances_layout: wgpu::BindGroupLayout,
+    pipelines: Pipelines,
+    made: HashMap<Kind, wgpu::RenderPipeline>,
     frame: wgpu::Buffer,
     frame_group: wgpu::BindGroup,
 }
@@ -142,44 +87,35 @@ pub struct DrawPass {
 impl DrawPass {
     /// Makes the pass for targets of that many samples a pixel (1 or 4).
     pub fn new(device: &wgpu::Device, samples: u32) -> Self {
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("draw"),
-            source: wgpu::ShaderSource::Wgsl(SHADER.into()),
-        });
-        let frame_layout = layout(
-            device,
-            "draw frame",
-            wgpu::ShaderStages::VERTEX_FRAGMENT,
-            wgpu::BufferBindingType::Uniform,
-            size_of::<FrameUniform>(),
-        );
-        let instances_layout = layout(
-            device,
-            "draw instances",
-            wgpu::ShaderStages::VERTEX,
-            wgpu::BufferBindingType::Storage { read_only: true },
-            size_of::<InstanceRow>(),
-        );
-        let frame = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("draw frame"),
-            size: size_of::<FrameUniform>() as u64,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        let pipelines = Pipelines { device, module: &module, samples };
-        Self {
-            scene: pipelines.scene(&[Some(&frame_layout), Some(&instances_layout)]),
-            boxes: pipelines.boxes(&[Some(&frame_layout), Some(&instances_layout)]),
-            background: pipelines.background(),
-            frame_group: bind(device, "draw frame", &frame_layout, &frame),
-            instances_layout,
-            frame,
-        }
+        use wgpu::ShaderStages as Stages;
+        let uniform = (wgpu::BufferBindingType::Uniform, size_of::<FrameUniform>());
+        let table = |bytes: usize| (wgpu::BufferBindingType::Storage { read_only: true }, bytes);
+        let [rows, looks] = [table(size_of::<InstanceRow>()), table(size_of::<LookRow>())];
+        let pipelines = Pipelines {
+            module: device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some("draw"),
+                source: wgpu::ShaderSource::Wgsl(SHADER.into()),
+            }),
+            samples,
+            frame: layout(device, "draw frame", Stages::VERTEX_FRAGMENT, &[uniform]),
+            instances: layout(device, "draw instances", Stages::VERTEX, &[rows, looks]),
+            edged: layout(device, "draw edges", Stages::VERTEX, &[table(16), table(4), table(8)]),
+        };
+        let frame = frame_buffer(device, "draw frame");
+        let frame_group = bind(device, "draw frame", &pipelines.frame, &[&frame]);
+        let mut this = Self { pipelines, made: HashMap::new(), frame, frame_group };
+        this.prepare(device, Asked::default());
+        this
     }
 
-    /// Binds a batch's table of [`InstanceRow`]s (a storage buffer of at least one).
-    pub fn bind_instances(&self, device: &wgpu::Device, instances: &wgpu::Buffer) -> wgpu::BindGroup {
-        bind(device, "draw instances", &self.instances_layout, instances)
+    /// Binds a batch's tables (storage buffers): an [`InstanceRow`] and a [`LookRow`] for each instance, at least one.
+    pub fn bind_instances(
+        &self,
+        device: &wgpu::Device,
+        rows: &wgpu::Buffer,
+        looks: &wgpu::Buffer,
+    ) -> wgpu::BindGroup {
+        bind(device, "draw instances", &self.pipelines.instances, &[rows, looks])
     }
 
     /// Sets what the next submission sees as the frame.
@@ -187,155 +123,129 @@ impl DrawPass {
         queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
     }
 
-    /// Records the pass: all batches, boxes (one for each row of a table of [`InstanceRow`]s that place the unit cube), then
-    /// the background where nothing was drawn.
+    /// Makes the pipelines that a frame needs, if they are not there.
+    pub fn prepare(&mut self, device: &wgpu::Device, asked: Asked) {
+        for kind in kinds(asked) {
+            self.made.entry(kind).or_insert_with(|| self.pipelines.make(device, kind));
+        }
+    }
+
+    /// Records the pass: all batches, boxes, then the background where nothing was drawn.
     pub fn record(
         &self,
+        device: &wgpu::Device,
         encoder: &mut wgpu::CommandEncoder,
         target: &Target,
-        batches: &[DrawBatch<'_>],
-        boxes: Option<(&wgpu::BindGroup, u32)>,
+        list: &DrawList<'_>,
         timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
     ) {
+        let [scene, of_boxes, background] = kinds(list.asked).map(|kind| self.made.get(&kind));
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("draw"),
             color_attachments: &[Some(target.colour_attachment())],
-            depth_stencil_attachment: Some(target.depth_attachment()),
+            depth_stencil_attachment: Some(target.depth_attachment(list.asked.depth)),
             timestamp_writes,
             ..Default::default()
         });
-        pass.set_pipeline(&self.scene);
         pass.set_bind_group(0, &self.frame_group, &[]);
-        for batch in batches {
-            pass.set_bind_group(1, batch.instances, &[]);
-            pass.set_vertex_buffer(0, batch.vertices.slice(..));
-            pass.set_index_buffer(batch.indices.slice(..), wgpu::IndexFormat::Uint32);
-            pass.draw_indexed_indirect(batch.indirect, batch.indirect_offset);
+        if let Some(pipeline) = scene {
+            pass.set_pipeline(pipeline);
+            for batch in list.batches {
+                pass.set_bind_group(1, batch.instances, &[]);
+                if list.asked.edges {
+                    self.draw_edged(device, &mut pass, batch);
+                } else {
+                    draw_batch(&mut pass, batch);
+                }
+            }
         }
-        if let Some((rows, count)) = boxes {
-            pass.set_pipeline(&self.boxes);
+        if let (Some((rows, count)), Some(pipeline)) = (list.boxes, of_boxes) {
+            pass.set_pipeline(pipeline);
             pass.set_bind_group(1, rows, &[]);
             pass.draw(0..BOX_CORNERS, 0..count);
         }
-        pass.set_pipeline(&self.background);
-        pass.draw(0..3, 0..1);
+        if let Some(pipeline) = background {
+            pass.set_pipeline(pipeline);
+            pass.draw(0..3, 0..1);
+        }
+    }
+
+    fn draw_edged(&self, device: &wgpu::Device, pass: &mut wgpu::RenderPass<'_>, batch: &DrawBatch<'_>) {
+        let buffers = [batch.vertices, batch.indices, batch.triangles];
+        let group = bind(device, "draw edges", &self.pipelines.edged, &buffers);
+        pass.set_bind_group(2, &group, &[]);
+        pass.draw_indirect(batch.indirect, batch.indirect_offset);
     }
 }
 
-fn layout(
+/// The pipelines of batches, boxes and the background.
+fn kinds(asked: Asked) -> [Kind; 3] {
+    let scene = if asked.edges { Drawn::Edged } else { Drawn::Scene };
+    let is_cut = asked.is_cut;
+    [
+        Kind { drawn: scene, is_cut },
+        Kind { drawn: Drawn::Boxes, is_cut },
+        Kind { drawn: Drawn::Background, is_cut: false },
+    ]
+}
+
+/// Draws a batch by its index buffer, with the pipeline, the frame and its instances set.
+pub(super) fn draw_batch(pass: &mut wgpu::RenderPass<'_>, batch: &DrawBatch<'_>) {
+    pass.set_vertex_buffer(0, batch.vertices.slice(..));
+    pass.set_index_buffer(batch.indices.slice(..), wgpu::IndexFormat::Uint32);
+    pass.draw_indexed_indirect(batch.indirect, batch.indirect_offset);
+}
+
+pub(super) fn frame_buffer(device: &wgpu::Device, label: &str) -> wgpu::Buffer {
+    device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size: size_of::<FrameUniform>() as u64,
+        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
+}
+
+/// A layout of buffers, each with its kind and its least size in bytes, in the order of their bindings.
+pub(super) fn layout(
     device: &wgpu::Device,
     label: &str,
     visibility: wgpu::ShaderStages,
-    ty: wgpu::BufferBindingType,
-    least_bytes: usize,
+    buffers: &[(wgpu::BufferBindingType, usize)],
 ) -> wgpu::BindGroupLayout {
-    let min_binding_size = wgpu::BufferSize::new(least_bytes as u64);
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some(label),
-        entries: &[wgpu::BindGroupLayoutEntry {
-            binding: 0,
+    let entry = |(binding, &(ty, least_bytes)): (u32, &(wgpu::BufferBindingType, usize))| {
+        let min_binding_size = wgpu::BufferSize::new(least_bytes as u64);
+        wgpu::BindGroupLayoutEntry {
+            binding,
             visibility,
             ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size },
             count: None,
-        }],
-    })
+        }
+    };
+    let entries: Vec<_> = (0..).zip(buffers).map(entry).collect();
+    device
+        .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries: &entries })
 }
 
-fn bind(
+/// Binds buffers in the order of their bindings.
+pub(super) fn bind(
     device: &wgpu::Device,
     label: &str,
     layout: &wgpu::BindGroupLayout,
-    buffer: &wgpu::Buffer,
+    buffers: &[&wgpu::Buffer],
 ) -> wgpu::BindGroup {
-    device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some(label),
-        layout,
-        entries: &[wgpu::BindGroupEntry { binding: 0, resource: buffer.as_entire_binding() }],
-    })
-}
-
-/// What both pipelines share.
-struct Pipelines<'a> {
-    device: &'a wgpu::Device,
-    module: &'a wgpu::ShaderModule,
-    samples: u32,
-}
-
-impl Pipelines<'_> {
-    fn scene(&self, groups: &[Option<&wgpu::BindGroupLayout>]) -> wgpu::RenderPipeline {
-        let vertices = wgpu::VertexBufferLayout {
-            array_stride: ACTIVE_VERTEX_BYTES,
-            step_mode: wgpu::VertexStepMode::Vertex,
-            attributes: &[wgpu::VertexAttribute {
-                format: wgpu::VertexFormat::Uint32x4,
-                offset: 0,
-                shader_location: 0,
-            }],
-        };
-        let depth = depth_state(true, wgpu::CompareFunction::Greater);
-        self.make("draw", ["draw_vertex", "draw_fragment"], groups, &[Some(vertices)], depth)
-    }
-
-    fn boxes(&self, groups: &[Option<&wgpu::BindGroupLayout>]) -> wgpu::RenderPipeline {
-        let depth = depth_state(true, wgpu::CompareFunction::Greater);
-        self.make("boxes", ["box_vertex", "draw_fragment"], groups, &[], depth)
-    }
-
-    fn background(&self) -> wgpu::RenderPipeline {
-        let depth = depth_state(false, wgpu::CompareFunction::GreaterEqual);
-        self.make("background", ["background_vertex", "background_fragment"], &[], &[], depth)
-    }
-
-    fn make(
-        &self,
-        label: &str,
-        [vertex, fragment]: [&str; 2],
-        groups: &[Option<&wgpu::BindGroupLayout>],
-        buffers: &[Option<wgpu::VertexBufferLayout<'_>>],
-        depth: wgpu::DepthStencilState,
-    ) -> wgpu::RenderPipeline {
-        let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(label),
-            bind_group_layouts: groups,
-            immediate_size: 0,
-        });
-        self.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some(label),
-            layout: Some(&layout),
-            vertex: wgpu::VertexState {
-                module: self.module,
-                entry_point: Some(vertex),
-                compilation_options: Default::default(),
-                buffers,
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: Some(depth),
-            multisample: wgpu::MultisampleState { count: self.samples, ..Default::default() },
-            fragment: Some(wgpu::FragmentState {
-                module: self.module,
-                entry_point: Some(fragment),
-                compilation_options: Default::default(),
-                targets: &[Some(COLOUR_FORMAT.into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        })
-    }
-}
-
-fn depth_state(write: bool, compare: wgpu::CompareFunction) -> wgpu::DepthStencilState {
-    wgpu::DepthStencilState {
-        format: DEPTH_FORMAT,
-        depth_write_enabled: Some(write),
-        depth_compare: Some(compare),
-        stencil: wgpu::StencilState::default(),
-        bias: wgpu::DepthBiasState::default(),
-    }
+    let entries: Vec<_> = (0..)
+        .zip(buffers)
+        .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+        .collect();
+    device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Grid;
+    use crate::geometry::record::Attributes;
+    use glam::{DAffine3, DVec3};
     use std::mem::offset_of;
 
     fn module() -> naga::Module {
@@ -368,11 +278,14 @@ mod tests {
             ("eye_high", offset_of!(FrameUniform, eye_high)),
             ("mode", offset_of!(FrameUniform, mode)),
             ("eye_low", offset_of!(FrameUniform, eye_low)),
-            ("unused_0", offset_of!(FrameUniform, unused_0)),
+            ("parallel", offset_of!(FrameUniform, parallel)),
             ("to_key", offset_of!(FrameUniform, to_key)),
-            ("unused_1", offset_of!(FrameUniform, unused_1)),
+            ("section_count", offset_of!(FrameUniform, section_count)),
             ("to_rim", offset_of!(FrameUniform, to_rim)),
-            ("unused_2", offset_of!(FrameUniform, unused_2)),
+            ("line_px", offset_of!(FrameUniform, line_px)),
+            ("to_viewer", offset_of!(FrameUniform, to_viewer)),
+            ("edges", offset_of!(FrameUniform, edges)),
+            ("sections", offset_of!(FrameUniform, sections)),
         ];
         assert_layout("Frame", &host, size_of::<FrameUniform>());
     }

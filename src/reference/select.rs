@@ -32,6 +32,8 @@ pub struct SelectView {
     pub planes: [[f32; 4]; 6],
     /// Pixels that a unit length covers at distance 1.
     pub focal_px: f32,
+    /// Whether everything is at distance 1: the camera has no perspective.
+    pub parallel: bool,
     /// Instances whose bounding circle covers fewer pixels are culled; 0 culls none.
     pub min_area_px: f32,
     /// Above this, a larger area does not earn more: the area of the picture, say.
@@ -75,7 +77,8 @@ impl SelectView {
             zero: 0,
             candidate_count: instance_count,
             previous_count: 0,
-            padding: [0; 2],
+            parallel: u32::from(self.parallel),
+            padding: 0,
         }
     }
 }
@@ -112,11 +115,16 @@ struct Seen {
     log2_area: f32,
 }
 
+/// How far an instance is, squared, by what its centre is; nearer than a tenth of the radius counts as there, inside or
+/// not.
+pub(crate) fn distance2(centre2: f32, radius2: f32, params: &SelectParams) -> f32 {
+    if params.parallel != 0 { 1.0 } else { (centre2 - radius2).max(radius2 * 0.01) }
+}
+
 fn see(row: &SelectRow, params: &SelectParams) -> Seen {
     let centre = centre_from_eye(row, params);
     let radius2 = dot(row.half_extent, row.half_extent);
-    // Nearer than a tenth of the radius counts as there, inside or not.
-    let log2_distance2 = log2((dot(centre, centre) - radius2).max(radius2 * 0.01));
+    let log2_distance2 = log2(distance2(dot(centre, centre), radius2, params));
     let log2_area = (params.log2_area_scale + log2(radius2)) - log2_distance2;
     Seen { log2_distance2, log2_area }
 }
@@ -266,6 +274,7 @@ mod tests {
             eye: [0.0; 3],
             planes: [[0.0, 0.0, 0.0, 1.0]; 6],
             focal_px: 1000.0,
+            parallel: false,
             min_area_px: 0.0,
             max_area_px: 1e6,
             alpha: 3.0,

@@ -108,7 +108,7 @@ impl CameraPath {
             Self::Through => stage.through(frame as f64 / frames.saturating_sub(1).max(1) as f64),
             Self::Still => stage.still(),
             Self::Teleport => stage.teleport(frame / TELEPORT_FRAMES),
-            Self::Keyframes(keyframes) => keyframes.camera(frame, stage.near()),
+            Self::Keyframes(keyframes) => keyframes.camera(frame, stage.near(), stage.reach()),
         }
     }
 }
@@ -136,6 +136,11 @@ impl Stage {
         (self.diagonal * NEAR_FRACTION).max(1e-37)
     }
 
+    /// Far enough for a camera without perspective, wherever in the scene its eye is.
+    fn reach(&self) -> f64 {
+        2.0 * self.diagonal
+    }
+
     /// A camera at `offset` from the centre that looks along `direction`.
     fn camera(&self, offset: DVec3, direction: DVec3) -> Camera {
         Camera {
@@ -143,6 +148,7 @@ impl Stage {
             world_from_view: orientation(direction, DVec3::Y),
             vertical_fov_radians: DEFAULT_VERTICAL_FOV_RADIANS,
             near: self.near(),
+            parallel: None,
         }
     }
 

@@ -2,16 +2,18 @@
 //!
 //! [`mapped`] is a file in the address space (the one room with `unsafe`), [`file`](mod@file) one that is read by ranges;
 //! [`opened`] its tables as a [`Scene`];
-//! [`part`] what has arrived of one part; [`bounds`], [`camera`] and [`camera_path`] say where everything is and how
-//! one flies through it.
+//! [`part`] what has arrived of one part; [`names`] what the user calls things; [`bounds`], [`camera`], [`views`] and
+//! [`camera_path`] say where everything is and how one flies through it.
 
 pub mod bounds;
 pub mod camera;
 pub mod camera_path;
 pub mod file;
 pub mod mapped;
+pub mod names;
 pub mod opened;
 pub mod part;
+pub mod views;
 
 pub use bounds::Bounds;
 pub use camera::Camera;

@@ -43,6 +43,9 @@ pub struct Scene {
     parts: Range<usize>,
     chunks: Range<usize>,
     instances: Range<usize>,
+    pub(super) nodes: Range<usize>,
+    pub(super) materials: Range<usize>,
+    pub(super) names: Range<usize>,
     colours: Vec<Colour>,
     boxes: Vec<InstanceBox>,
     groups: Groups,
@@ -92,10 +95,26 @@ impl Scene {
             bounds.with_point(b.centre - b.half_extent).with_point(b.centre + b.half_extent)
         });
         let has_parents = all.iter().any(PartRow::is_parent);
-        let [parts, chunks, instances] = [SectionKind::Parts, SectionKind::Chunks, SectionKind::Instances]
-            .map(|kind| container.section_range(kind));
+        use SectionKind as Kind;
+        let sections = [Kind::Parts, Kind::Chunks, Kind::Instances, Kind::Nodes, Kind::Materials, Kind::Names];
+        let [parts, chunks, instances, nodes, materials, names] =
+            sections.map(|kind| container.section_range(kind));
         let groups = Groups::of(&container);
-        Ok(Self { has_parents, groups, parts, chunks, instances, colours, boxes, bounds, tables, file })
+        Ok(Self {
+            has_parents,
+            groups,
+            parts,
+            chunks,
+            instances,
+            nodes,
+            materials,
+            names,
+            colours,
+            boxes,
+            bounds,
+            tables,
+            file,
+        })
     }
 
     /// The container's name, without its folder.
@@ -117,7 +136,8 @@ impl Scene {
         }
     }
 
-    fn rows<T: bytemuck::Pod>(&self, range: &Range<usize>) -> &[T] {
+    /// The rows of a section, which is a range of bytes of the tables.
+    pub(super) fn rows<T: bytemuck::Pod>(&self, range: &Range<usize>) -> &[T] {
         // The container has checked that the rows of each section are aligned and whole.
         bytemuck::cast_slice(&bytemuck::cast_slice::<u64, u8>(&self.tables)[range.clone()])
     }

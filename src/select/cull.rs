@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use crate::container::{GroupRow, Groups};
 use crate::gpu::layout::{SelectParams, SelectRow};
 use crate::reference::power::log2;
+use crate::reference::select::distance2;
 
 /// Coordinates beyond this overflow in the squares of f32: nothing is concluded of them.
 const MAX_COORDINATE: f64 = 1e15;
@@ -95,12 +96,17 @@ impl<'a> GroupView<'a> {
 
     /// Whether a circle of this radius, at the nearest point of the box, covers less than the least area.
     fn is_too_small(&self, radius: f64, low: &[f64; 3], high: &[f64; 3], size: f64) -> bool {
+        let log2_area_min = f64::from(self.params.log2_area_min) - AREA_ROUNDING;
+        if self.params.parallel != 0 {
+            let log2_area = f64::from(self.params.log2_area_scale) + (radius * radius).max(LEAST).log2();
+            return log2_area < log2_area_min;
+        }
         let squared = |axis: usize| low[axis].max(-high[axis]).max(0.0).powi(2);
         let near = (squared(0) + squared(1) + squared(2)).sqrt() - SPLIT_ROUNDING * size;
         let log2_area = f64::from(self.params.log2_area_scale) + (radius * radius).max(LEAST).log2()
             - (near * near - radius * radius).max(LEAST).log2();
         // Nearer than that, the difference of the squares loses its precision.
-        near > 2.1 * radius && log2_area < f64::from(self.params.log2_area_min) - AREA_ROUNDING
+        near > 2.1 * radius && log2_area < log2_area_min
     }
 }
 
@@ -199,8 +205,8 @@ impl Block {
         let ([cx, cy, cz], [hx, hy, hz]) = (&self.centre, &self.half);
         for at in 0..BLOCK {
             let radius2 = hx[at] * hx[at] + hy[at] * hy[at] + hz[at] * hz[at];
-            let distance2 = (cx[at] * cx[at] + cy[at] * cy[at] + cz[at] * cz[at]) - radius2;
-            let log2_distance2 = log2(distance2.max(radius2 * 0.01));
+            let centre2 = cx[at] * cx[at] + cy[at] * cy[at] + cz[at] * cz[at];
+            let log2_distance2 = log2(distance2(centre2, radius2, params));
             culled[at] |= (params.log2_area_scale + log2(radius2)) - log2_distance2 < params.log2_area_min;
         }
     }

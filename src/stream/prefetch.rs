@@ -90,7 +90,13 @@ mod tests {
     use super::*;
 
     fn camera(eye: DVec3, yaw: f64) -> Camera {
-        Camera { eye, world_from_view: DQuat::from_rotation_y(yaw), vertical_fov_radians: 1.0, near: 0.1 }
+        Camera {
+            eye,
+            world_from_view: DQuat::from_rotation_y(yaw),
+            vertical_fov_radians: 1.0,
+            near: 0.1,
+            parallel: None,
+        }
     }
 
     /// Where a camera is expected to be that has moved in so many frames a second, by its speed and turn a second.

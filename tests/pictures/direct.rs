@@ -7,7 +7,7 @@ use bytemuck::{Pod, Zeroable};
 use collapsar::gpu::Gpu;
 use collapsar::gpu::target::{COLOUR_FORMAT, DEPTH_FORMAT, Target};
 use collapsar::import::{Instance, Model, SourceMesh};
-use collapsar::passes::draw::{FrameUniform, Mode, SURFACE};
+use collapsar::passes::draw::{FrameUniform, SURFACE, Style};
 use collapsar::scene::Camera;
 use glam::{DMat3, DVec3};
 use image::RgbImage;
@@ -29,7 +29,7 @@ struct Placed {
 /// Draws the model, whose meshes have normals, with four samples a pixel.
 pub fn picture(gpu: &Gpu, model: &Model, camera: &Camera, shot: Shot) -> RgbImage {
     let target = Target::new(&gpu.device, shot.width, shot.height, 4).unwrap();
-    let frame = FrameUniform::new(camera, target.aspect(), Mode::Material);
+    let frame = FrameUniform::new(camera, target.aspect(), &Style::default());
     let (vertices, indices) = placed(model, camera.eye);
     draw(gpu, &target, &frame, &vertices, &indices);
     shot.read(gpu, &target)
@@ -96,7 +96,7 @@ fn draw(gpu: &Gpu, target: &Target, frame: &FrameUniform, vertices: &[Placed], i
     let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
         label: Some("direct"),
         color_attachments: &[Some(target.colour_attachment())],
-        depth_stencil_attachment: Some(target.depth_attachment()),
+        depth_stencil_attachment: Some(target.depth_attachment(false)),
         ..Default::default()
     });
     pass.set_pipeline(&scene);

@@ -17,5 +17,7 @@ fn direct_vertex(placed: Placed) -> Corner {
     corner.clip = frame.clip_from_relative * vec4<f32>(placed.relative, 1.0);
     corner.normal = placed.normal;
     corner.colour = linear_from_srgb(placed.srgb);
+    corner.number = 0u;
+    corner.look = 0u;
     return corner;
 }

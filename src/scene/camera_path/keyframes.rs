@@ -2,13 +2,13 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::CameraPathError;
-use crate::scene::camera::{Camera, DEFAULT_VERTICAL_FOV_RADIANS, orientation};
+use crate::scene::camera::{Camera, Parallel, DEFAULT_VERTICAL_FOV_RADIANS, orientation};
 
 /// The largest file that is read.
 pub(super) const MAX_FILE_BYTES: u64 = 64 << 20;
@@ -32,6 +32,9 @@ pub struct Keyframe {
     /// The vertical field of view.
     #[serde(default = "default_fov_degrees")]
     pub fov_degrees: f64,
+    /// Without perspective: world units between the lower and the upper edge of a picture around the eye.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parallel_height: Option<f64>,
 }
 
 fn default_up() -> [f64; 3] {
@@ -75,9 +78,24 @@ impl Keyframes {
         }
     }
 
+    /// Reads and checks one keyframe, or a list of them.
+    ///
+    /// # Errors
+    /// When the text is malformed, or its keys are unusable.
+    pub fn parse(text: &str) -> Result<Self, CameraPathError> {
+        let here = || PathBuf::from("given as text");
+        let keys = match text.trim_start().starts_with('{') {
+            true => serde_json::from_str(text).map(|key| vec![key]),
+            false => serde_json::from_str(text),
+        };
+        let keys = keys.map_err(|error| CameraPathError::Malformed(here(), error))?;
+        Self::new(keys).map_err(|why| CameraPathError::Unusable(here(), why))
+    }
+
     /// The camera of a frame: before the first key and after the last it stays there, between two keys eye and field
     /// of view go straight and the orientation takes the shortest way.
-    pub fn camera(&self, frame: u64, near: f64) -> Camera {
+    /// Without perspective, `reach` in front of the eye and behind it is seen.
+    pub fn camera(&self, frame: u64, near: f64, reach: f64) -> Camera {
         let next = self.0.partition_point(|key| key.frame <= frame);
         let a = &self.0[next.saturating_sub(1)];
         let b = &self.0[next.min(self.0.len() - 1)];
@@ -88,6 +106,10 @@ impl Keyframes {
             world_from_view: orientation_of(a).slerp(orientation_of(b), t).normalize(),
             vertical_fov_radians: (a.fov_degrees + (b.fov_degrees - a.fov_degrees) * t).to_radians(),
             near,
+            parallel: a.parallel_height.map(|height| {
+                let next = b.parallel_height.unwrap_or(height);
+                Parallel { height: height + (next - height) * t, reach }
+            }),
         }
     }
 }
@@ -132,6 +154,10 @@ fn check(key: &Keyframe) -> Result<(), String> {
         Err("up must not be zero".into())
     } else if !(1.0..=170.0).contains(&fov) {
         Err(format!("fov_degrees must be from 1 to 170, not {fov}"))
+    } else if let Some(height) = key.parallel_height
+        && !(height > 0.0 && height <= MAX_COORDINATE)
+    {
+        Err(format!("parallel_height must be above 0 and at most {MAX_COORDINATE:e}, not {height}"))
     } else {
         Ok(())
     }

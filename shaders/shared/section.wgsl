@@ -1,0 +1,69 @@
+// section: what section planes keep of a pixel, and the caps that close what they cut.
+//
+// Follows surface.wgsl, whose frame has the planes.
+//
+// A cap needs no geometry of its own. Where the first surface behind the cut that a line of sight meets is seen from
+// within a closed part, the line has come into solid material through the plane: what is to be seen there is the cut
+// face. So the back sides of closed parts are painted as the plane that the line came in by. No gap is possible, at
+// any level of detail, for the cap ends where the surface does.
+
+// Where a standard sample lies in its pixel, from its middle, in sixteenths of a pixel (x, y downwards).
+const SAMPLES_OF_4 = array<vec2<f32>, 4>(
+    vec2<f32>(-2.0, -6.0), vec2<f32>(6.0, -2.0), vec2<f32>(-6.0, 2.0), vec2<f32>(2.0, 6.0),
+);
+
+// Samples a pixel.
+override SAMPLES: u32 = 1u;
+
+// The samples of a pixel that all sections keep, a bit each. Only in uniform control flow.
+fn kept_samples(relative: vec3<f32>) -> u32 {
+    let right = dpdx(relative);
+    let down = dpdy(relative);
+    var kept = select(1u, 15u, SAMPLES == 4u);
+    for (var i = 0u; i < frame.section_count; i += 1u) {
+        let plane = frame.sections[i];
+        let distance = dot(plane.xyz, relative) + plane.w;
+        if SAMPLES == 4u {
+            let slope = vec2<f32>(dot(plane.xyz, right), dot(plane.xyz, down)) / 16.0;
+            var places = SAMPLES_OF_4;
+            for (var sample = 0u; sample < 4u; sample += 1u) {
+                if distance + dot(slope, places[sample]) < 0.0 {
+                    kept &= ~(1u << sample);
+                }
+            }
+        } else if distance < 0.0 {
+            kept = 0u;
+        }
+    }
+    return kept;
+}
+
+// Where the line of sight to a point came through a section last.
+struct Entry {
+    // The section; NO_ENTRY if it came through none.
+    section: u32,
+    // From the point towards the eye, in world units.
+    distance: f32,
+}
+
+const NO_ENTRY: u32 = 0xFFFFFFFFu;
+
+fn entry_before(relative: vec3<f32>, to_eye: vec3<f32>) -> Entry {
+    var entry = Entry(NO_ENTRY, select(length(relative), 3e38, frame.parallel != 0u));
+    for (var i = 0u; i < frame.section_count; i += 1u) {
+        let plane = frame.sections[i];
+        let along = dot(plane.xyz, to_eye);
+        let distance = dot(plane.xyz, relative) + plane.w;
+        if along < 0.0 && -distance > along * entry.distance {
+            entry = Entry(i, max(-distance / along, 0.0));
+        }
+    }
+    return entry;
+}
+
+// The colour of a cut face at a pixel: lines at 45 degrees, as on a drawing.
+fn hatched(colour: vec3<f32>, pixel: vec2<f32>) -> vec3<f32> {
+    let across = fract((pixel.x + pixel.y) / 9.0);
+    let line = 1.0 - smoothstep(0.08, 0.2, abs(across - 0.5));
+    return mix(colour, colour * 0.45, 0.55 * line);
+}

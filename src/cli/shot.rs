@@ -1,0 +1,293 @@
+//! `collapsar shot`: a model, a camera and a style in, one picture out; the viewer without its window.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
+use collapsar::frame::colour_by::{ColourBy, Coloured, look_of};
+use collapsar::frame::{Renderer, Settings};
+use collapsar::gpu::{Gpu, GpuOptions};
+use collapsar::passes::draw::{Edges, Look, Style};
+use collapsar::scene::camera_path::Keyframes;
+use collapsar::scene::views::{self, Projection, StandardView, UpAxis};
+use collapsar::scene::{Bounds, Camera, Scene};
+use collapsar::stats::report::human;
+
+use super::cuts::{self, BoxText, SectionText};
+use super::{Failure, baked, interrupt, output, values};
+
+/// Arguments of `shot`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:\n  \
+    collapsar shot engine.clps -o engine.png\n  \
+    collapsar shot engine.glb --view front --parallel --edges features -o front.png\n  \
+    collapsar shot plant.clps --section x=50% --section=-y=2.5 --colour-by part -o cut.png\n  \
+    collapsar shot ship.clps --isolate pump --fit isolated --size 512x512 -o pump.png\n  \
+    collapsar shot ship.clps --camera '{\"frame\":0,\"eye\":[9,5,9],\"target\":[0,0,0]}' -o here.png\n\n\
+    A section keeps what lies on the positive side of its plane: x=50% cuts off the lower half along x, -x=50% the \
+    upper one; without a percent sign the number is in the model's unit of length.\n\
+    A file that is no container is baked beside itself first, as `collapsar bake` would.")]
+pub struct ShotArguments {
+    /// The container, or a model to be baked.
+    file: PathBuf,
+    /// The picture, a PNG file.
+    #[arg(short, long, value_name = "PNG")]
+    output: PathBuf,
+    /// The picture's size in pixels.
+    #[arg(long, default_value = "1280x720", value_parser = values::size, value_name = "WxH")]
+    size: (u32, u32),
+    /// The side that it is looked at from; all of it is shown.
+    #[arg(long, value_enum, default_value = "iso")]
+    view: StandardView,
+    /// One keyframe, as in a path file of `fly`, or such a file (its first key counts); instead of --view.
+    #[arg(long, value_name = "JSON", conflicts_with_all = ["view", "parallel", "fov", "fit"])]
+    camera: Option<String>,
+    /// The axis that points upwards in the model.
+    #[arg(long, value_enum, default_value = "y")]
+    up: UpAxis,
+    /// Without perspective.
+    #[arg(long, conflicts_with = "fov")]
+    parallel: bool,
+    /// The angle between the upper and the lower edge of the picture.
+    #[arg(long, value_name = "DEGREES", default_value_t = 45.0, value_parser = values::degrees)]
+    fov: f64,
+    /// What fills the picture.
+    #[arg(long, value_enum, default_value = "all")]
+    fit: Fit,
+    /// Cut with a plane; up to six.
+    #[arg(long, value_name = "[-]x|y|z=PLACE", value_parser = cuts::section)]
+    section: Vec<SectionText>,
+    /// Keep only what lies inside a box: two corners, in the model's unit or as shares of its box (10%).
+    #[arg(long, value_name = "X,Y,Z,X,Y,Z", value_parser = cuts::section_box)]
+    section_box: Option<BoxText>,
+    /// What colours tell.
+    #[arg(long, value_enum, default_value = "material")]
+    colour_by: ColourBy,
+    /// What is drawn as lines.
+    #[arg(long, value_enum, default_value = "none")]
+    edges: EdgesText,
+    /// How much what lies behind an edge in depth is darkened, from 0 to 2.
+    #[arg(long, value_name = "STRENGTH", default_value_t = 0.6, value_parser = values::up_to_two)]
+    depth_cue: f64,
+    /// Do not draw parts whose name or path in the assembly contains this, in any case of letters; may be repeated.
+    #[arg(long, value_name = "NAME")]
+    hide: Vec<String>,
+    /// Draw only such parts.
+    #[arg(long, value_name = "NAME")]
+    isolate: Vec<String>,
+    /// Draw such parts so that what is behind shows through.
+    #[arg(long, value_name = "NAME")]
+    ghost: Vec<String>,
+    /// Draw such parts as selected.
+    #[arg(long, value_name = "NAME")]
+    select: Vec<String>,
+    /// Vertices to spend (N); k and M work.
+    #[arg(long, default_value = "4M", value_parser = values::count, value_name = "VERTICES")]
+    budget: u32,
+    /// Spend no more on an instance than keeps its error below so many pixels.
+    #[arg(long, value_name = "PIXELS", default_value_t = 0.5, value_parser = values::positive)]
+    error: f64,
+    /// Samples a pixel.
+    #[arg(long, default_value = "4", value_parser = ["1", "4"])]
+    samples: String,
+    /// The most memory for the model.
+    #[arg(long, value_name = "BYTES", value_parser = values::bytes)]
+    memory: Option<u64>,
+    /// The most GPU memory.
+    #[arg(long, value_name = "BYTES", value_parser = values::bytes)]
+    gpu_memory: Option<u64>,
+    /// Print nothing.
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// What fills the picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Fit {
+    /// The whole model.
+    All,
+    /// What is left of it by --isolate and --hide.
+    Isolated,
+}
+
+/// What is drawn as lines.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum EdgesText {
+    /// Nothing.
+    None,
+    /// Creases and open boundaries.
+    Features,
+    /// The edges of every triangle.
+    All,
+}
+
+impl From<EdgesText> for Edges {
+    fn from(text: EdgesText) -> Self {
+        match text {
+            EdgesText::None => Self::None,
+            EdgesText::Features => Self::Features,
+            EdgesText::All => Self::All,
+        }
+    }
+}
+
+/// No more frames than these until a picture is complete.
+const MOST_FRAMES: u32 = 400;
+
+/// Runs `shot`.
+pub fn run(arguments: &ShotArguments) -> Result<(), Failure> {
+    output::check_file(&arguments.output)?;
+    let container = baked::container_of(&arguments.file)?;
+    let scene = Arc::new(Scene::open(&container)?);
+    let gpu = Arc::new(Gpu::new(&GpuOptions::default())?);
+    let picture = take(arguments, &gpu, &scene).map_err(|failure| failure.in_container(&container))?;
+    if arguments.quiet { Ok(()) } else { output::print_text(&picture) }
+}
+
+/// Draws and writes the picture; gives a line about it.
+fn take(arguments: &ShotArguments, gpu: &Arc<Gpu>, scene: &Arc<Scene>) -> Result<String, Failure> {
+    let looks = looks(arguments, scene)?;
+    let camera = camera(arguments, scene, &looks)?;
+    let mut renderer = Renderer::new(Arc::clone(gpu), Arc::clone(scene), settings(arguments))?;
+    renderer.set_style(style(arguments, scene)?);
+    renderer.set_looks(&looks);
+    settle(&mut renderer, &camera)?;
+    if arguments.colour_by != ColourBy::Material {
+        renderer.set_looks(&coloured(arguments.colour_by, scene, &renderer, &looks));
+    }
+    let record = renderer.frame(&camera)?;
+    renderer.target().save_png(&gpu.device, &gpu.queue, &arguments.output)?;
+    Ok(format!(
+        "{} of {} triangles in {} of {} instances: {}\n",
+        human::count(record.active_triangles),
+        human::count(scene.counts().triangles_placed),
+        human::count(record.instances_visible),
+        human::count(scene.instances().len() as u64),
+        arguments.output.display()
+    ))
+}
+
+fn settings(arguments: &ShotArguments) -> Settings {
+    Settings {
+        budget_vertices: arguments.budget,
+        error_px: arguments.error as f32,
+        memory_limit_bytes: arguments.memory,
+        gpu_limit_bytes: arguments.gpu_memory,
+        width: arguments.size.0,
+        height: arguments.size.1,
+        samples: if arguments.samples == "1" { 1 } else { 4 },
+        time_stages: false,
+        ..Settings::default()
+    }
+}
+
+/// Draws until nothing moves any more.
+fn settle(renderer: &mut Renderer, camera: &Camera) -> Result<(), Failure> {
+    for _ in 0..MOST_FRAMES {
+        if interrupt::flag().load(std::sync::atomic::Ordering::Relaxed) {
+            return Err(Failure::Interrupted("no picture was written"));
+        }
+        let record = renderer.frame(camera)?;
+        if record.frame > 3 && record.streamed_vertices + record.streamed_triangles == 0 {
+            return Ok(());
+        }
+    }
+    tracing::warn!("the picture is not complete: something still moved after {MOST_FRAMES} frames");
+    Ok(())
+}
+
+fn style(arguments: &ShotArguments, scene: &Scene) -> Result<Style, Failure> {
+    if arguments.section.len() > 6 {
+        return Err(Failure::Argument(format!("at most 6 sections are possible, not {}", arguments.section.len())));
+    }
+    let planes = arguments.section.iter().map(|section| section.plane(scene.bounds()));
+    let boxed = arguments.section_box.iter().flat_map(|section_box| section_box.planes(scene.bounds()));
+    Ok(Style {
+        edges: arguments.edges.into(),
+        sections: planes.chain(boxed).collect(),
+        depth_cue: arguments.depth_cue as f32,
+        ..Style::default()
+    })
+}
+
+/// What names say of each instance.
+fn looks(arguments: &ShotArguments, scene: &Scene) -> Result<Vec<Look>, Failure> {
+    let mut looks = vec![Look::default(); scene.instances().len()];
+    for (names, look) in [
+        (&arguments.hide, Look::HIDDEN),
+        (&arguments.ghost, Look::GHOST),
+        (&arguments.select, Look::SELECTED),
+    ] {
+        for name in names {
+            named(scene, name)?.into_iter().for_each(|i| looks[i as usize] = looks[i as usize].with(look));
+        }
+    }
+    if !arguments.isolate.is_empty() {
+        let mut kept = vec![false; looks.len()];
+        for name in &arguments.isolate {
+            named(scene, name)?.into_iter().for_each(|i| kept[i as usize] = true);
+        }
+        for (look, _) in looks.iter_mut().zip(kept).filter(|(_, kept)| !kept) {
+            *look = look.with(Look::HIDDEN);
+        }
+    }
+    Ok(looks)
+}
+
+/// The instances whose part, or a node above it, is called so; an error if there are none.
+fn named(scene: &Scene, name: &str) -> Result<Vec<u32>, Failure> {
+    let wanted = name.to_lowercase();
+    let says = |text: &str| text.to_lowercase().contains(&wanted);
+    let mut nodes = vec![false; scene.nodes().len()];
+    for node in 0..nodes.len() {
+        // Parents come before their children.
+        let above = scene.parent_node(node as u32).is_some_and(|parent| nodes[parent as usize]);
+        nodes[node] = above || says(scene.node_name(node as u32));
+    }
+    let parts: Vec<bool> = (0..scene.parts().len() as u32).map(|part| says(scene.part_name(part))).collect();
+    let found: Vec<u32> = (0u32..)
+        .zip(scene.instances())
+        .filter(|(_, row)| nodes[row.node as usize] || parts[row.part as usize])
+        .map(|(number, _)| number)
+        .collect();
+    if found.is_empty() {
+        return Err(Failure::Argument(format!(
+            "nothing in {} is called `{name}`: neither a part nor anything in its assembly",
+            scene.file_name()
+        )));
+    }
+    Ok(found)
+}
+
+fn coloured(by: ColourBy, scene: &Scene, renderer: &Renderer, looks: &[Look]) -> Vec<Look> {
+    let of = Coloured { scene, states: renderer.states(), wishes: renderer.wishes(), ages: &[] };
+    (0u32..).zip(looks).map(|(instance, &look)| look.with(look_of(by, &of, instance))).collect()
+}
+
+fn camera(arguments: &ShotArguments, scene: &Scene, looks: &[Look]) -> Result<Camera, Failure> {
+    let bounds = scene.bounds();
+    if let Some(text) = &arguments.camera {
+        let keys = if text.trim_start().starts_with(['{', '[']) {
+            Keyframes::parse(text)
+        } else {
+            Keyframes::read(Path::new(text))
+        };
+        let first = keys.map_err(Failure::from)?;
+        return Ok(first.camera(0, views::near_of(bounds), views::reach_of(bounds)));
+    }
+    let shown = match arguments.fit {
+        Fit::All => *bounds,
+        Fit::Isolated => {
+            let left = scene.boxes().iter().zip(looks).filter(|(_, look)| !look.has(Look::HIDDEN));
+            left.fold(Bounds::EMPTY, |all, (b, _)| {
+                all.with_point(b.centre - b.half_extent).with_point(b.centre + b.half_extent)
+            })
+        }
+    };
+    let projection = match arguments.parallel {
+        true => Projection::Parallel,
+        false => Projection::Perspective(arguments.fov.to_radians()),
+    };
+    let aspect = f64::from(arguments.size.0) / f64::from(arguments.size.1);
+    Ok(views::fit(&shown, bounds, arguments.view.orientation(arguments.up), projection, aspect))
+}

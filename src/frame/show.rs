@@ -1,0 +1,172 @@
+//! Stage 7: what is active, how instances look and the style in, the picture out; and what is in one of its pixels.
+//!
+//! Looks are words of a table beside the instances: to hide, ghost or colour any number of them sends those words, once,
+//! and no geometry.
+
+use std::time::Instant;
+
+use glam::DVec3;
+
+use super::{FrameError, PassesOn, Renderer, milliseconds_since};
+use crate::gpu::GpuError;
+use crate::gpu::batch::Batch;
+use crate::gpu::target::Target;
+use crate::passes::depth_cue::DepthCuePass;
+use crate::passes::draw::{Asked, DrawBatch, DrawList, Edges, FrameUniform, Look, Style};
+use crate::passes::pick::PickPass;
+use crate::scene::Camera;
+use crate::stats::FrameRecord;
+
+/// How every instance looks.
+pub(super) struct Looks {
+    all: Vec<Look>,
+    /// Whether the GPU lacks something of it.
+    changed: bool,
+    any_ghost: bool,
+}
+
+impl Looks {
+    pub fn new(instances: usize) -> Self {
+        Self { all: vec![Look::default(); instances], changed: true, any_ghost: false }
+    }
+
+    /// By instance.
+    pub fn all(&self) -> &[Look] {
+        &self.all
+    }
+
+    /// The GPU has forgotten them.
+    pub fn forget(&mut self) {
+        self.changed = true;
+    }
+}
+
+/// An instance and a point of its surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pick {
+    /// The number of the instance in the scene.
+    pub instance: u32,
+    /// In world space.
+    pub point: DVec3,
+}
+
+impl Renderer {
+    /// Stage 7.
+    pub(super) fn draw(&mut self, camera: &Camera, record: &mut FrameRecord) -> Result<(), FrameError> {
+        let started = Instant::now();
+        self.bytes_of_view = if self.settled { 0 } else { self.place_boxes()? };
+        self.bytes_of_view += self.send_looks();
+        record.boxes = self.boxes.count();
+        self.bytes_of_view += self.send_uniform(camera);
+        record.bytes_tables += self.bytes_of_view;
+        if self.settings.passes == PassesOn::Nowhere {
+            return Ok(());
+        }
+        let asked = self.asked();
+        self.draw.prepare(&self.gpu.device, asked);
+        let batches = drawn(&self.batches);
+        let list = DrawList { asked, batches: &batches, boxes: self.boxes.drawn() };
+        let mut encoder = self.gpu.encoder("draw");
+        self.draw.record(&self.gpu.device, &mut encoder, &self.target, &list, self.timer.render("draw"));
+        if asked.depth {
+            let (device, samples) = (&self.gpu.device, self.settings.samples);
+            let cue = self.depth_cue.get_or_insert_with(|| DepthCuePass::new(device, samples));
+            let on = (device, &self.gpu.queue);
+            cue.record(on, &mut encoder, &self.target, camera, self.style.depth_cue);
+        }
+        self.timer.resolve(&mut encoder);
+        self.gpu.submit(encoder)?;
+        self.gpu.wait()?;
+        record.draw_ms = milliseconds_since(started);
+        Ok(())
+    }
+
+    fn asked(&self) -> Asked {
+        Asked {
+            edges: self.style.edges != Edges::None,
+            is_cut: !self.style.sections.is_empty() || self.looks.any_ghost,
+            depth: self.style.depth_cue > 0.0,
+        }
+    }
+
+    fn send_looks(&mut self) -> u64 {
+        if !std::mem::take(&mut self.looks.changed) {
+            return 0;
+        }
+        let looks = &self.looks.all;
+        self.batches.iter().map(|batch| batch.write_looks(&self.gpu, looks)).sum::<u64>()
+            + self.boxes.write_looks(&self.gpu, looks)
+    }
+
+    fn send_uniform(&mut self, camera: &Camera) -> u64 {
+        let uniform = FrameUniform::new(camera, self.target.aspect(), &self.style);
+        if self.uniform == Some(uniform) {
+            return 0;
+        }
+        self.uniform = Some(uniform);
+        self.draw.write_frame(&self.gpu.queue, &uniform);
+        size_of_val(&uniform) as u64
+    }
+
+    /// What is asked of pictures from now on.
+    pub fn set_style(&mut self, style: Style) {
+        self.style = style;
+    }
+
+    /// How every instance looks, by its number, for the next frame on.
+    ///
+    /// # Panics
+    /// There is not one for each instance.
+    pub fn set_looks(&mut self, looks: &[Look]) {
+        self.looks.all.copy_from_slice(looks);
+        self.looks.any_ghost = looks.iter().any(|look| look.has(Look::GHOST));
+        self.looks.changed = true;
+    }
+
+    /// What is in a pixel of the last frame, counted from the upper left corner. Waits for the GPU.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn pick(&mut self, [x, y]: [u32; 2]) -> Result<Option<Pick>, FrameError> {
+        let (Some(camera), Some(uniform)) = (self.view, self.uniform) else { return Ok(None) };
+        let size = [self.target.width(), self.target.height()];
+        if x >= size[0] || y >= size[1] {
+            return Ok(None);
+        }
+        let batches = drawn(&self.batches);
+        let list = DrawList { asked: self.asked(), batches: &batches, boxes: self.boxes.drawn() };
+        let pass = match &self.pick {
+            Some(pass) => pass,
+            None => self.pick.insert(PickPass::new(&self.gpu)?),
+        };
+        let picked = pass.pick(&self.gpu, &uniform.of_pixel([x, y], size), &list)?;
+        Ok(picked.map(|picked| Pick { instance: picked.instance, point: camera.eye + picked.relative }))
+    }
+
+    /// Draws into another target from now on; the last one comes back, with its picture.
+    ///
+    /// # Errors
+    /// It has other samples than the settings say.
+    pub fn replace_target(&mut self, target: Target) -> Result<Target, FrameError> {
+        if target.samples() != self.settings.samples {
+            return Err(GpuError::Invalid(format!("a target of {} samples", target.samples())).into());
+        }
+        (self.settings.width, self.settings.height) = (target.width(), target.height());
+        Ok(std::mem::replace(&mut self.target, target))
+    }
+}
+
+/// What the draw pass needs of batches that have something to draw.
+fn drawn(batches: &[Batch]) -> Vec<DrawBatch<'_>> {
+    let has_triangles = batches.iter().filter(|batch| batch.totals[2] > 0);
+    has_triangles
+        .map(|batch| DrawBatch {
+            instances: &batch.rows_group,
+            vertices: &batch.existing()[0],
+            indices: &batch.indices,
+            triangles: &batch.existing()[2],
+            indirect: &batch.indirect,
+            indirect_offset: 0,
+        })
+        .collect()
+}

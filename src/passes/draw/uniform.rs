@@ -1,0 +1,145 @@
+//! A camera and what is asked of the picture in, the uniform of a frame out.
+
+use bytemuck::{Pod, Zeroable};
+use glam::{DVec3, DVec4, Mat4, Vec3, Vec4};
+
+use crate::scene::Bounds;
+use crate::scene::camera::Camera;
+
+/// The most planes that cut: six, and the six of a box.
+pub const MOST_SECTIONS: usize = 12;
+
+/// Bits of what edges are drawn, as in the shader.
+const EDGES_FEATURES: u32 = 1;
+const EDGES_ALL: u32 = 2;
+
+/// What the colour of a surface shows.
+#[repr(u32)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Mode {
+    /// Its material.
+    #[default]
+    Material = 0,
+    /// Its instance, by number within the batch.
+    Instance = 1,
+}
+
+/// Which edges are drawn as lines.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
+pub enum Edges {
+    /// None.
+    #[default]
+    None,
+    /// Creases and open boundaries.
+    Features,
+    /// Those of every triangle.
+    All,
+}
+
+/// A plane in world space that cuts off what is behind it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Section {
+    /// A point on it.
+    pub point: DVec3,
+    /// Unit normal, towards what is kept.
+    pub normal: DVec3,
+}
+
+impl Section {
+    /// Where a point is kept this is at least zero: its distance from the plane, in world units.
+    pub fn distance(&self, point: DVec3) -> f64 {
+        self.normal.dot(point - self.point)
+    }
+
+    /// The six planes that keep what is inside a box.
+    pub fn inside(bounds: &Bounds) -> [Self; 6] {
+        std::array::from_fn(|side| {
+            let axis = DVec3::AXES[side / 2];
+            if side.is_multiple_of(2) {
+                Self { point: bounds.low, normal: axis }
+            } else {
+                Self { point: bounds.high, normal: -axis }
+            }
+        })
+    }
+
+    /// The plane relative to an eye.
+    fn relative_to(&self, eye: DVec3) -> Vec4 {
+        DVec4::from((self.normal, self.distance(eye))).as_vec4()
+    }
+}
+
+/// What is asked of a picture beside what it shows.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Style {
+    /// What surfaces show.
+    pub mode: Mode,
+    /// What is drawn as lines.
+    pub edges: Edges,
+    /// Planes that cut; those beyond [`MOST_SECTIONS`] do not.
+    pub sections: Vec<Section>,
+    /// How much what lies behind an edge in depth is darkened; 0: not at all, 1: clearly.
+    pub depth_cue: f32,
+}
+
+/// What is the same for everything drawn in a frame; `Frame` in the shader.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct FrameUniform {
+    /// From camera-relative world space.
+    pub(super) clip_from_relative: Mat4,
+    pub(super) eye_high: Vec3,
+    pub(super) mode: u32,
+    pub(super) eye_low: Vec3,
+    pub(super) parallel: u32,
+    pub(super) to_key: Vec3,
+    pub(super) section_count: u32,
+    pub(super) to_rim: Vec3,
+    pub(super) line_px: f32,
+    pub(super) to_viewer: Vec3,
+    pub(super) edges: u32,
+    pub(super) sections: [Vec4; MOST_SECTIONS],
+}
+
+impl FrameUniform {
+    /// The frame as `camera` sees it in a picture of that aspect (width over height).
+    pub fn new(camera: &Camera, aspect: f32, style: &Style) -> Self {
+        let (eye_high, eye_low) = camera.split_eye();
+        let towards = |right: f64, up: f64, back: f64| {
+            (camera.world_from_view * DVec3::new(right, up, back).normalize()).as_vec3()
+        };
+        let mut sections = [Vec4::ZERO; MOST_SECTIONS];
+        for (plane, section) in sections.iter_mut().zip(&style.sections) {
+            *plane = section.relative_to(camera.eye);
+        }
+        Self {
+            clip_from_relative: camera.clip_from_relative(aspect),
+            eye_high,
+            mode: style.mode as u32,
+            eye_low,
+            parallel: u32::from(camera.parallel.is_some()),
+            to_key: towards(-0.6, 0.7, 0.6),
+            section_count: style.sections.len().min(MOST_SECTIONS) as u32,
+            to_rim: towards(0.85, 0.15, -0.35),
+            line_px: if style.edges == Edges::All { 0.4 } else { 0.7 },
+            to_viewer: towards(0.0, 0.0, 1.0),
+            edges: match style.edges {
+                Edges::None => 0,
+                Edges::Features => EDGES_FEATURES,
+                Edges::All => EDGES_ALL,
+            },
+            sections,
+        }
+    }
+
+    /// The same frame with one pixel as the whole picture.
+    ///
+    /// `x` and `y` count pixels from the upper left corner of a picture of `width` x `height`.
+    pub fn of_pixel(self, [x, y]: [u32; 2], [width, height]: [u32; 2]) -> Self {
+        let (width, height) = (width as f32, height as f32);
+        let [right, up] = [2.0 * (x as f32 + 0.5) / width - 1.0, 1.0 - 2.0 * (y as f32 + 0.5) / height];
+        let larger = Mat4::from_scale(Vec3::new(width, height, 1.0));
+        let moved = Mat4::from_translation(Vec3::new(-right, -up, 0.0));
+        Self { clip_from_relative: larger * moved * self.clip_from_relative, ..self }
+    }
+}

@@ -1,0 +1,201 @@
+//! pick: what the draw pass draws and one pixel in, the instance that is seen there and the point of its surface out.
+//!
+//! The pixel is made the whole picture, so that all else is clipped away before it costs anything: the cost is that of the
+//! active vertices, which the budget bounds.
+
+use glam::DVec3;
+
+use super::draw::{
+    ACTIVE_VERTEX_BYTES, DrawList, FrameUniform, InstanceRow, LookRow, SHADER as DRAW_SHADER, bind, depth_state,
+    draw_batch, frame_buffer, layout,
+};
+use crate::gpu::target::DEPTH_FORMAT;
+use crate::gpu::{Gpu, GpuError, readback};
+
+/// What follows the shader of the draw pass.
+const PICK: &str = include_str!("../../shaders/pick.wgsl");
+
+/// The shader's source.
+pub fn shader() -> String {
+    [DRAW_SHADER, PICK].concat()
+}
+
+const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
+const BOX_CORNERS: u32 = 36;
+/// Words of a pixel.
+const WORDS: usize = 4;
+
+/// What is in a pixel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Picked {
+    /// The number of the instance in the scene.
+    pub instance: u32,
+    /// The point of its surface, relative to the eye, in world axes.
+    pub relative: DVec3,
+}
+
+/// The pipelines, and a picture of one pixel.
+#[derive(Debug)]
+pub struct PickPass {
+    scene: wgpu::RenderPipeline,
+    boxes: wgpu::RenderPipeline,
+    frame: wgpu::Buffer,
+    frame_group: wgpu::BindGroup,
+    pixel: wgpu::Texture,
+    depth: wgpu::Texture,
+    copied: wgpu::Buffer,
+}
+
+impl PickPass {
+    /// Makes the pass.
+    ///
+    /// # Errors
+    /// There is no memory for it.
+    pub fn new(gpu: &Gpu) -> Result<Self, GpuError> {
+        use wgpu::BufferUsages as Usage;
+        use wgpu::ShaderStages as Stages;
+        let device = &gpu.device;
+        let table = |bytes: usize| (wgpu::BufferBindingType::Storage { read_only: true }, bytes);
+        let uniform = (wgpu::BufferBindingType::Uniform, size_of::<FrameUniform>());
+        let of_frame = layout(device, "pick frame", Stages::VERTEX_FRAGMENT, &[uniform]);
+        let tables = [table(size_of::<InstanceRow>()), table(size_of::<LookRow>())];
+        let instances = layout(device, "draw instances", Stages::VERTEX, &tables);
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("pick"),
+            source: wgpu::ShaderSource::Wgsl(shader().into()),
+        });
+        let groups = [Some(&of_frame), Some(&instances)];
+        let frame = frame_buffer(device, "pick frame");
+        Ok(Self {
+            scene: pipeline(device, &module, &groups, "draw_vertex", &[Some(active_vertices())]),
+            boxes: pipeline(device, &module, &groups, "box_vertex", &[]),
+            frame_group: bind(device, "pick frame", &of_frame, &[&frame]),
+            frame,
+            pixel: one_pixel(device, "picked", FORMAT),
+            depth: one_pixel(device, "pick depth", DEPTH_FORMAT),
+            copied: gpu.buffer("picked", 16, Usage::COPY_SRC | Usage::COPY_DST)?,
+        })
+    }
+
+    /// What is in one pixel of the frame. Waits for the GPU.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn pick(
+        &self,
+        gpu: &Gpu,
+        frame: &FrameUniform,
+        list: &DrawList<'_>,
+    ) -> Result<Option<Picked>, GpuError> {
+        gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
+        let mut encoder = gpu.encoder("pick");
+        self.record(&mut encoder, list);
+        let to = wgpu::TexelCopyBufferInfo {
+            buffer: &self.copied,
+            layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: None, rows_per_image: None },
+        };
+        encoder.copy_texture_to_buffer(self.pixel.as_image_copy(), to, self.pixel.size());
+        gpu.submit(encoder)?;
+        let words: Vec<u32> = readback::read_values(gpu, &self.copied, WORDS)?;
+        Ok(found(&words))
+    }
+
+    fn record(&self, encoder: &mut wgpu::CommandEncoder, list: &DrawList<'_>) {
+        let [pixel, depth] = [&self.pixel, &self.depth].map(|texture| texture.create_view(&Default::default()));
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("pick"),
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &pixel,
+                depth_slice: None,
+                resolve_target: None,
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    store: wgpu::StoreOp::Store,
+                },
+            })],
+            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                view: &depth,
+                depth_ops: Some(wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(0.0),
+                    store: wgpu::StoreOp::Discard,
+                }),
+                stencil_ops: None,
+            }),
+            ..Default::default()
+        });
+        pass.set_pipeline(&self.scene);
+        pass.set_bind_group(0, &self.frame_group, &[]);
+        for batch in list.batches {
+            pass.set_bind_group(1, batch.instances, &[]);
+            draw_batch(&mut pass, batch);
+        }
+        if let Some((rows, count)) = list.boxes {
+            pass.set_pipeline(&self.boxes);
+            pass.set_bind_group(1, rows, &[]);
+            pass.draw(0..BOX_CORNERS, 0..count);
+        }
+    }
+}
+
+/// What the words of a pixel say.
+fn found(words: &[u32]) -> Option<Picked> {
+    let &[number, x, y, z] = words else { return None };
+    let relative = DVec3::from([x, y, z].map(|bits| f64::from(f32::from_bits(bits))));
+    number.checked_sub(1).map(|instance| Picked { instance, relative })
+}
+
+fn one_pixel(device: &wgpu::Device, label: &str, format: wgpu::TextureFormat) -> wgpu::Texture {
+    device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+        view_formats: &[],
+    })
+}
+
+fn active_vertices() -> wgpu::VertexBufferLayout<'static> {
+    wgpu::VertexBufferLayout {
+        array_stride: ACTIVE_VERTEX_BYTES,
+        step_mode: wgpu::VertexStepMode::Vertex,
+        attributes: &const { wgpu::vertex_attr_array![0 => Uint32x4] },
+    }
+}
+
+fn pipeline(
+    device: &wgpu::Device,
+    module: &wgpu::ShaderModule,
+    groups: &[Option<&wgpu::BindGroupLayout>],
+    vertex: &str,
+    buffers: &[Option<wgpu::VertexBufferLayout<'_>>],
+) -> wgpu::RenderPipeline {
+    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some("pick"),
+        bind_group_layouts: groups,
+        immediate_size: 0,
+    });
+    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some("pick"),
+        layout: Some(&layout),
+        vertex: wgpu::VertexState {
+            module,
+            entry_point: Some(vertex),
+            compilation_options: Default::default(),
+            buffers,
+        },
+        primitive: wgpu::PrimitiveState::default(),
+        depth_stencil: Some(depth_state(true)),
+        multisample: wgpu::MultisampleState::default(),
+        fragment: Some(wgpu::FragmentState {
+            module,
+            entry_point: Some("pick_fragment"),
+            compilation_options: Default::default(),
+            targets: &[Some(FORMAT.into())],
+        }),
+        multiview_mask: None,
+        cache: None,
+    })
+}

@@ -44,10 +44,10 @@ use crate::stream::{Delta, Residency, ResidencyError, State, Strategy};
 use boxes::Boxes;
 use caps::residency_options;
 pub use content::ContentDigest;
-pub use show::Pick;
 use mirror::Mirror;
 use rebuild::Rebuild;
 use show::Looks;
+pub use show::Pick;
 use squeeze::Squeeze;
 
 /// Why a frame could not be drawn.

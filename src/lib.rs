@@ -6,7 +6,7 @@
 //! what the GPU lacks; [`gpu`] and [`passes`] defragment, reform and draw it; [`reference`](mod@reference) does the
 //! same on the CPU, in the simplest way that is correct; [`stats`] counts it all, and [`report`] shows it. Beside this
 //! way, [`measure`] tells how far two surfaces lie apart, [`mod@compare`] how far the levels of detail are from what they
-//! were made of, and [`synth`] makes models of any size out of nothing.
+//! were made of, and [`synth`] makes models of any size out of nothing; `viewer` is a window on all of it.
 //!
 //! The words are those of Peng & Cao 2012, *A GPU-based Approach for Massive Model Rendering with Frame-to-Frame
 //! Coherence*; `docs/architecture.md` lists them.
@@ -29,5 +29,7 @@ pub mod select;
 pub mod stats;
 pub mod stream;
 pub mod synth;
+#[cfg(feature = "viewer")]
+pub mod viewer;
 
 pub use error::Error;

@@ -86,7 +86,10 @@ fn buffer(gpu: &TestDevice, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu:
 fn draw(gpu: &TestDevice, scene: &Scene, samples: u32, mode: Mode) -> Target {
     let target = Target::new(&gpu.device, SIZE, SIZE, samples).unwrap();
     let pass = DrawPass::new(&gpu.device, samples);
-    pass.write_frame(&gpu.queue, &FrameUniform::new(&scene.camera, target.aspect(), &Style { mode, ..Style::default() }));
+    pass.write_frame(
+        &gpu.queue,
+        &FrameUniform::new(&scene.camera, target.aspect(), &Style { mode, ..Style::default() }),
+    );
     let indices = cube_indices(scene.vertices.len() as u32 / 24);
     let arguments = wgpu::util::DrawIndexedIndirectArgs {
         index_count: indices.len() as u32,

@@ -44,7 +44,8 @@ pub struct SectionText {
 
 /// Reads `x=40%`, `-y=2.5`.
 pub fn section(text: &str) -> Result<SectionText, String> {
-    let wrong = || "must be x, y or z, with - before it to keep the other side, then = and a place".to_owned();
+    let wrong =
+        || "must be x, y or z, with - before it to keep the other side, then = and a place".to_owned();
     let (name, place) = text.split_once('=').ok_or_else(wrong)?;
     let (keeps_below, name) = name.strip_prefix('-').map_or((false, name), |name| (true, name));
     let axis = ["x", "y", "z"].iter().position(|axis| name.eq_ignore_ascii_case(axis)).ok_or_else(wrong)?;

@@ -198,7 +198,10 @@ fn settle(renderer: &mut Renderer, camera: &Camera) -> Result<(), Failure> {
 
 fn style(arguments: &ShotArguments, scene: &Scene) -> Result<Style, Failure> {
     if arguments.section.len() > 6 {
-        return Err(Failure::Argument(format!("at most 6 sections are possible, not {}", arguments.section.len())));
+        return Err(Failure::Argument(format!(
+            "at most 6 sections are possible, not {}",
+            arguments.section.len()
+        )));
     }
     let planes = arguments.section.iter().map(|section| section.plane(scene.bounds()));
     let boxed = arguments.section_box.iter().flat_map(|section_box| section_box.planes(scene.bounds()));

@@ -2,8 +2,8 @@
 
 use super::ContainerError;
 use super::format::*;
-use crate::geometry::{Closure, OrderedPart};
 use crate::geometry::record::Attributes;
+use crate::geometry::{Closure, OrderedPart};
 
 /// A part as it will lie in a file; names and numbers that depend on other parts are not set.
 #[derive(Debug, Clone, PartialEq)]

@@ -8,8 +8,8 @@ use bytemuck::{Pod, Zeroable};
 use glam::DAffine3;
 use xxhash_rust::xxh3::xxh3_64;
 
-use crate::geometry::{Closure, Grid};
 use crate::geometry::record::{Attributes, CellPlace, ERROR_SAMPLES, Stall};
+use crate::geometry::{Closure, Grid};
 
 #[cfg(target_endian = "big")]
 compile_error!("container rows are read in place, and the file is little-endian");

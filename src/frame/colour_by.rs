@@ -158,7 +158,10 @@ mod tests {
         assert_eq!(ramp(f64::NAN), ramp(0.0));
         assert_eq!(ramp(2.0), ramp(1.0));
         let brightness = |c: Colour| u32::from(c[0]) + 2 * u32::from(c[1]) + u32::from(c[2]);
-        assert!((0..20).all(|i| brightness(ramp(f64::from(i) / 20.0)) < brightness(ramp(f64::from(i + 1) / 20.0))));
+        assert!(
+            (0..20)
+                .all(|i| brightness(ramp(f64::from(i) / 20.0)) < brightness(ramp(f64::from(i + 1) / 20.0)))
+        );
     }
 
     #[test]

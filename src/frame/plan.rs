@@ -3,7 +3,6 @@
 use std::ops::Range;
 use std::time::Instant;
 
-
 use super::{DRAW_BYTES, FrameError, PassesOn, Renderer, milliseconds_since};
 use crate::gpu::batch::{Batch, STREAMS, fits};
 use crate::gpu::layout::Grant;

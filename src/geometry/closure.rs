@@ -44,7 +44,9 @@ pub fn closure_of(mesh: &WeldedMesh) -> Closure {
 }
 
 fn determinant(a: [f64; 3], b: [f64; 3], c: [f64; 3]) -> f64 {
-    a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+    a[0] * (b[1] * c[2] - b[2] * c[1])
+        + a[1] * (b[2] * c[0] - b[0] * c[2])
+        + a[2] * (b[0] * c[1] - b[1] * c[0])
 }
 
 /// The finaliser of SplitMix64 (Steele et al. 2014).
@@ -61,8 +63,18 @@ mod tests {
 
     fn cube(change: impl FnOnce(&mut Vec<[u32; 3]>)) -> WeldedMesh {
         let mut triangles = vec![
-            [0, 2, 1], [1, 2, 3], [4, 5, 6], [5, 7, 6], [0, 1, 4], [1, 5, 4],
-            [2, 6, 3], [3, 6, 7], [0, 4, 2], [2, 4, 6], [1, 3, 5], [3, 7, 5],
+            [0, 2, 1],
+            [1, 2, 3],
+            [4, 5, 6],
+            [5, 7, 6],
+            [0, 1, 4],
+            [1, 5, 4],
+            [2, 6, 3],
+            [3, 6, 7],
+            [0, 4, 2],
+            [2, 4, 6],
+            [1, 3, 5],
+            [3, 7, 5],
         ];
         change(&mut triangles);
         WeldedMesh {
@@ -89,7 +101,15 @@ mod tests {
         let one = cube(|_| ());
         let mut both = one.clone();
         // The other one lies at the diagonal edge of corners 6 and 7.
-        let turned = |i: u32| if i == 0 { 6 } else if i == 1 { 7 } else { 8 + i };
+        let turned = |i: u32| {
+            if i == 0 {
+                6
+            } else if i == 1 {
+                7
+            } else {
+                8 + i
+            }
+        };
         both.positions.resize(16, [0; 3]);
         for i in 2..8u32 {
             both.positions[turned(i) as usize] = one.positions[i as usize].map(|c| c + 50);

@@ -29,7 +29,8 @@ struct CueUniform {
 
 /// The shader's source for targets of that many samples.
 pub fn shader(samples: u32) -> String {
-    let (texture, count) = if samples > 1 { ("texture_depth_multisampled_2d", samples) } else { ("texture_depth_2d", 1) };
+    let (texture, count) =
+        if samples > 1 { ("texture_depth_multisampled_2d", samples) } else { ("texture_depth_2d", 1) };
     format!("alias DEPTH_TEXTURE = {texture};\nconst SAMPLE_COUNT = {count};\n{DEPTH_CUE}")
 }
 

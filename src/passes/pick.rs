@@ -6,8 +6,8 @@
 use glam::DVec3;
 
 use super::draw::{
-    ACTIVE_VERTEX_BYTES, DrawList, FrameUniform, InstanceRow, LookRow, SHADER as DRAW_SHADER, bind, depth_state,
-    draw_batch, frame_buffer, layout,
+    ACTIVE_VERTEX_BYTES, DrawList, FrameUniform, InstanceRow, LookRow, SHADER as DRAW_SHADER, bind,
+    depth_state, draw_batch, frame_buffer, layout,
 };
 use crate::gpu::target::DEPTH_FORMAT;
 use crate::gpu::{Gpu, GpuError, readback};
@@ -101,7 +101,8 @@ impl PickPass {
     }
 
     fn record(&self, encoder: &mut wgpu::CommandEncoder, list: &DrawList<'_>) {
-        let [pixel, depth] = [&self.pixel, &self.depth].map(|texture| texture.create_view(&Default::default()));
+        let [pixel, depth] =
+            [&self.pixel, &self.depth].map(|texture| texture.create_view(&Default::default()));
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("pick"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {

@@ -96,7 +96,8 @@ impl Scene {
         });
         let has_parents = all.iter().any(PartRow::is_parent);
         use SectionKind as Kind;
-        let sections = [Kind::Parts, Kind::Chunks, Kind::Instances, Kind::Nodes, Kind::Materials, Kind::Names];
+        let sections =
+            [Kind::Parts, Kind::Chunks, Kind::Instances, Kind::Nodes, Kind::Materials, Kind::Names];
         let [parts, chunks, instances, nodes, materials, names] =
             sections.map(|kind| container.section_range(kind));
         let groups = Groups::of(&container);

@@ -6,7 +6,9 @@ use super::Bounds;
 use super::camera::{Camera, DEFAULT_VERTICAL_FOV_RADIANS, Parallel, orientation};
 
 /// The axis that points upwards in the model.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, serde::Serialize, serde::Deserialize, clap::ValueEnum)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Default, Hash, serde::Serialize, serde::Deserialize, clap::ValueEnum,
+)]
 #[serde(rename_all = "lowercase")]
 pub enum UpAxis {
     /// +y, as in glTF.
@@ -178,11 +180,12 @@ mod tests {
         let bounds = Bounds::new(DVec3::new(5.0, -2.0, 1.0), DVec3::new(9.0, 3.0, 2.0));
         for up in [UpAxis::Y, UpAxis::Z] {
             for view in StandardView::ALL {
-                for (projection, aspect) in
-                    [(Projection::default(), 1.6f32), (Projection::Parallel, 0.5), (Projection::Parallel, 3.0)]
-                {
-                    let camera =
-                        fit(&bounds, &bounds, view.orientation(up), projection, f64::from(aspect));
+                for (projection, aspect) in [
+                    (Projection::default(), 1.6f32),
+                    (Projection::Parallel, 0.5),
+                    (Projection::Parallel, 3.0),
+                ] {
+                    let camera = fit(&bounds, &bounds, view.orientation(up), projection, f64::from(aspect));
                     let corner = |i: u32| {
                         let pick = |bit, low: f64, high: f64| if i & bit != 0 { high } else { low };
                         let (l, h) = (bounds.low, bounds.high);

@@ -52,9 +52,7 @@ impl Pipelines {
                 &[frame, instances, edged],
                 &[],
             ),
-            Drawn::Boxes => {
-                self.pipeline(device, "boxes", ["box_vertex", surface], &[frame, instances], &[])
-            }
+            Drawn::Boxes => self.pipeline(device, "boxes", ["box_vertex", surface], &[frame, instances], &[]),
             Drawn::Background => {
                 self.pipeline(device, "background", ["background_vertex", "background_fragment"], &[], &[])
             }

@@ -3,8 +3,8 @@
 use bytemuck::{Pod, Zeroable};
 use glam::{DAffine3, DVec3};
 
-use crate::geometry::{Closure, Grid};
 use crate::geometry::record::Attributes;
+use crate::geometry::{Closure, Grid};
 use crate::import::Colour;
 use crate::scene::camera::split_f64;
 

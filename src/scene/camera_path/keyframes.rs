@@ -8,7 +8,7 @@ use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::CameraPathError;
-use crate::scene::camera::{Camera, Parallel, DEFAULT_VERTICAL_FOV_RADIANS, orientation};
+use crate::scene::camera::{Camera, DEFAULT_VERTICAL_FOV_RADIANS, Parallel, orientation};
 
 /// The largest file that is read.
 pub(super) const MAX_FILE_BYTES: u64 = 64 << 20;

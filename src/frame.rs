@@ -138,6 +138,21 @@ pub struct Settings {
     pub samples: u32,
 }
 
+/// Those of the [`Settings`] that may change from frame to frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spending {
+    /// See [`Settings::budget_vertices`].
+    pub budget_vertices: u32,
+    /// See [`Settings::alpha`].
+    pub alpha: f32,
+    /// See [`Settings::error_px`].
+    pub error_px: f32,
+    /// See [`Settings::strategy`].
+    pub strategy: Strategy,
+    /// See [`Settings::upload_limit_bytes`].
+    pub upload_limit_bytes: Option<u64>,
+}
+
 impl Default for Settings {
     fn default() -> Self {
         Self {
@@ -168,7 +183,7 @@ pub struct Renderer {
     gpu: Arc<Gpu>,
     scene: Arc<Scene>,
     settings: Settings,
-    target: Target,
+    target: Arc<Target>,
     draw: DrawPass,
     /// Made when they are first needed.
     depth_cue: Option<DepthCuePass>,
@@ -199,7 +214,9 @@ pub struct Renderer {
     seen_px: Vec<f32>,
     boxes: Boxes,
     squeeze: Squeeze,
+    /// The camera that was last selected for, and the one that was last drawn from.
     view: Option<Camera>,
+    shown: Option<Camera>,
     motion: Motion,
     /// Where the camera will be soon, if it moves and frames do not wait.
     ahead: Option<Camera>,
@@ -244,7 +261,7 @@ impl Renderer {
         let target = Target::new(&gpu.device, settings.width, settings.height, settings.samples)?;
         let instances = scene.instances().len();
         let mut this = Self {
-            target,
+            target: Arc::new(target),
             depth_cue: None,
             pick: None,
             style: Style::default(),
@@ -267,6 +284,7 @@ impl Renderer {
             boxes: Boxes::new(&gpu, &draw)?,
             squeeze: Squeeze::default(),
             view: None,
+            shown: None,
             motion: Motion::default(),
             ahead: None,
             frames_at_rest: 0,
@@ -297,14 +315,26 @@ impl Renderer {
     /// # Errors
     /// Damaged data, or whatever went wrong on the device.
     pub fn frame(&mut self, camera: &Camera) -> Result<FrameRecord, FrameError> {
+        self.frame_selected_for(camera, camera)
+    }
+
+    /// Draws one frame of what `selected_for` would be shown, as `camera` sees it.
+    ///
+    /// # Errors
+    /// As [`Renderer::frame`].
+    pub fn frame_selected_for(
+        &mut self,
+        selected_for: &Camera,
+        camera: &Camera,
+    ) -> Result<FrameRecord, FrameError> {
         let started = Instant::now();
         let faults = memory::thread_major_faults();
         let mut record = FrameRecord { frame: self.frame, ..FrameRecord::default() };
         self.timer.start();
 
-        self.select(camera, &mut record)?;
-        self.residency(camera, &mut record)?;
-        self.keep_caps(camera, &mut record)?;
+        self.select(selected_for, &mut record)?;
+        self.residency(selected_for, &mut record)?;
+        self.keep_caps(selected_for, &mut record)?;
         let deltas = self.delta(&mut record)?;
         let uploads = self.upload(&deltas, &mut record)?;
         self.defragment_and_reform(&uploads, &mut record)?;
@@ -514,8 +544,31 @@ impl Renderer {
     }
 
     /// The picture.
-    pub fn target(&self) -> &Target {
+    pub fn target(&self) -> &Arc<Target> {
         &self.target
+    }
+
+    /// How it renders.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// What is spent, and how it is sent, from the next frame on.
+    pub fn set_spending(&mut self, spending: Spending) {
+        let Spending { budget_vertices, alpha, error_px, strategy, upload_limit_bytes } = spending;
+        let settings = Settings {
+            budget_vertices,
+            alpha,
+            error_px,
+            strategy,
+            upload_limit_bytes,
+            ..self.settings
+        };
+        if settings != self.settings {
+            self.settings = settings;
+            // As if the camera had moved.
+            self.view = None;
+        }
     }
 
     /// The device.
@@ -531,6 +584,11 @@ impl Renderer {
     /// The vertices that each instance is wished to have.
     pub fn wishes(&self) -> &[u32] {
         self.wishes.get()
+    }
+
+    /// Vertices of a part that are in memory.
+    pub fn vertices_arrived(&self, part: u32) -> u32 {
+        self.residency.part(part).vertices_arrived()
     }
 
     /// How many batches the instances are dealt to.

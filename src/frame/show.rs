@@ -3,6 +3,7 @@
 //! Looks are words of a table beside the instances: to hide, ghost or colour any number of them sends those words, once,
 //! and no geometry.
 
+use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
@@ -54,6 +55,7 @@ impl Renderer {
     /// Stage 7.
     pub(super) fn draw(&mut self, camera: &Camera, record: &mut FrameRecord) -> Result<(), FrameError> {
         let started = Instant::now();
+        self.shown = Some(*camera);
         self.bytes_of_view = if self.settled { 0 } else { self.place_boxes()? };
         self.bytes_of_view += self.send_looks();
         record.boxes = self.boxes.count();
@@ -128,7 +130,7 @@ impl Renderer {
     /// # Errors
     /// The device is lost.
     pub fn pick(&mut self, [x, y]: [u32; 2]) -> Result<Option<Pick>, FrameError> {
-        let (Some(camera), Some(uniform)) = (self.view, self.uniform) else { return Ok(None) };
+        let (Some(camera), Some(uniform)) = (self.shown, self.uniform) else { return Ok(None) };
         let size = [self.target.width(), self.target.height()];
         if x >= size[0] || y >= size[1] {
             return Ok(None);
@@ -147,11 +149,15 @@ impl Renderer {
     ///
     /// # Errors
     /// It has other samples than the settings say.
-    pub fn replace_target(&mut self, target: Target) -> Result<Target, FrameError> {
+    pub fn replace_target(&mut self, target: Arc<Target>) -> Result<Arc<Target>, FrameError> {
         if target.samples() != self.settings.samples {
             return Err(GpuError::Invalid(format!("a target of {} samples", target.samples())).into());
         }
-        (self.settings.width, self.settings.height) = (target.width(), target.height());
+        let size = (target.width(), target.height());
+        if size != (self.settings.width, self.settings.height) {
+            (self.settings.width, self.settings.height) = size;
+            self.view = None;
+        }
         Ok(std::mem::replace(&mut self.target, target))
     }
 }

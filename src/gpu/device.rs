@@ -59,6 +59,9 @@ pub enum GpuError {
         "the graphics device was lost: {0}; start again, with a lower budget if it was reset for taking too long"
     )]
     Lost(String),
+    /// A window cannot show what the card draws.
+    #[error("the window can have no picture: {0}; check the display and the graphics driver")]
+    Surface(String),
     /// A call was wrong: a bug in this program.
     #[error("a graphics call failed, which is a bug of this program: {0}")]
     Invalid(String),
@@ -87,6 +90,10 @@ pub struct Gpu {
     pub device: wgpu::Device,
     /// Its queue.
     pub queue: wgpu::Queue,
+    /// Where they come from: what makes surfaces.
+    pub instance: wgpu::Instance,
+    /// What surfaces are configured for.
+    pub adapter: wgpu::Adapter,
     /// The adapter's name, driver and kind.
     pub adapter_info: wgpu::AdapterInfo,
     /// What buffers and dispatches may be.
@@ -118,12 +125,33 @@ impl Gpu {
     /// # Errors
     /// [`GpuError::NoAdapter`], [`GpuError::NoSuchAdapter`] or [`GpuError::Unsuitable`].
     pub fn new(options: &GpuOptions) -> Result<Self, GpuError> {
-        pollster::block_on(Self::open(options))
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+        pollster::block_on(Self::open(instance, options, None))
     }
 
-    async fn open(options: &GpuOptions) -> Result<Self, GpuError> {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-        let adapter = choose_adapter(&instance, options).await?;
+    /// Opens an adapter that can show pictures in a window of a display; gives its surface, which is not configured yet.
+    ///
+    /// # Errors
+    /// As [`Gpu::new`], or the window can have no surface.
+    pub fn for_window(
+        options: &GpuOptions,
+        display: Box<dyn wgpu::wgt::WgpuHasDisplayHandle>,
+        window: impl Into<wgpu::SurfaceTarget<'static>>,
+    ) -> Result<(Self, wgpu::Surface<'static>), GpuError> {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_with_display_handle(display));
+        let surface = instance
+            .create_surface(window)
+            .map_err(|error| GpuError::Surface(error.to_string()))?;
+        let gpu = pollster::block_on(Self::open(instance, options, Some(&surface)))?;
+        Ok((gpu, surface))
+    }
+
+    async fn open(
+        instance: wgpu::Instance,
+        options: &GpuOptions,
+        shows: Option<&wgpu::Surface<'static>>,
+    ) -> Result<Self, GpuError> {
+        let adapter = choose_adapter(&instance, options, shows).await?;
         let adapter_info = adapter.get_info();
         let timestamps = can_time(&adapter, &adapter_info);
         let (device, queue) =
@@ -133,7 +161,7 @@ impl Gpu {
         let faults = collect_faults(&device);
         let limits = device.limits();
         tracing::debug!(adapter = adapter_info.name, driver = adapter_info.driver_info, timestamps, "opened");
-        Ok(Self { device, queue, adapter_info, limits, timestamps, faults })
+        Ok(Self { device, queue, instance, adapter, adapter_info, limits, timestamps, faults })
     }
 
     /// The most bytes that one storage buffer may have and still be bound as a whole.
@@ -216,6 +244,16 @@ impl Gpu {
         polled.map(drop).map_err(|error| GpuError::Lost(error.to_string()))
     }
 
+    /// Makes it as if the device had been lost, for tests and for who wants to see what happens.
+    pub fn lose(&self, why: &str) {
+        self.faults.lock().lost = Some(GpuError::Lost(why.to_owned()));
+    }
+
+    /// Makes it as if memory had run out once.
+    pub fn exhaust(&self) {
+        self.faults.lock().first = Some(GpuError::OutOfMemory);
+    }
+
     /// Hands out the first error since the last check, or that the device is lost.
     ///
     /// # Errors
@@ -228,13 +266,18 @@ impl Gpu {
 }
 
 /// The adapter that was asked for, or the fastest one.
-async fn choose_adapter(instance: &wgpu::Instance, options: &GpuOptions) -> Result<wgpu::Adapter, GpuError> {
+async fn choose_adapter(
+    instance: &wgpu::Instance,
+    options: &GpuOptions,
+    shows: Option<&wgpu::Surface<'static>>,
+) -> Result<wgpu::Adapter, GpuError> {
     let wanted = options.adapter.clone().or_else(|| std::env::var(ADAPTER_VARIABLE).ok());
     if let Some(wanted) = wanted.filter(|name| !name.is_empty()) {
         return adapter_called(instance, wanted).await;
     }
     let request = wgpu::RequestAdapterOptions {
         power_preference: wgpu::PowerPreference::HighPerformance,
+        compatible_surface: shows,
         ..Default::default()
     };
     instance.request_adapter(&request).await.map_err(|error| GpuError::NoAdapter(error.to_string()))

@@ -6,6 +6,8 @@ use image::ImageEncoder;
 
 /// The format of the colour: written in linear light, stored as sRGB.
 pub const COLOUR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
+/// The same bytes, taken as they are.
+const SHOWN_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 /// The format of the depth: reversed, 1 near and 0 at infinity.
 pub const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
@@ -67,6 +69,8 @@ pub struct Target {
     samples: u32,
     resolved: wgpu::Texture,
     resolved_view: wgpu::TextureView,
+    /// The same with its bytes as they are, for who takes them for sRGB anyway.
+    shown_view: wgpu::TextureView,
     /// Present when `samples` exceeds 1; resolved into `resolved`.
     multisampled_view: Option<wgpu::TextureView>,
     depth_view: wgpu::TextureView,
@@ -82,19 +86,9 @@ impl Target {
         let scope = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let attachment = wgpu::TextureUsages::RENDER_ATTACHMENT;
         let texture = |label, format, samples, usage| {
-            device.create_texture(&wgpu::TextureDescriptor {
-                label: Some(label),
-                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: samples,
-                dimension: wgpu::TextureDimension::D2,
-                format,
-                usage,
-                view_formats: &[],
-            })
+            device.create_texture(&describe(label, [width, height], format, samples, usage, &[]))
         };
-        let read = wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::TEXTURE_BINDING;
-        let resolved = texture("target colour", COLOUR_FORMAT, 1, attachment | read);
+        let resolved = resolved_texture(device, [width, height]);
         let multisampled =
             (samples > 1).then(|| texture("target samples", COLOUR_FORMAT, samples, attachment));
         let bound = wgpu::TextureUsages::TEXTURE_BINDING;
@@ -108,8 +102,33 @@ impl Target {
             height,
             samples,
             resolved_view: view(&resolved),
+            shown_view: shown(&resolved),
             multisampled_view: multisampled.as_ref().map(view),
             depth_view: view(&depth),
+            resolved,
+        })
+    }
+
+    /// Another target of the same size, of which only the picture is its own: samples and depth are shared, so that the two
+    /// may not be drawn to at the same time.
+    ///
+    /// # Errors
+    /// The memory of the device is exhausted.
+    pub fn sibling(&self, device: &wgpu::Device) -> Result<Self, TargetError> {
+        let (width, height) = (self.width, self.height);
+        let scope = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let resolved = resolved_texture(device, [width, height]);
+        if let Some(source) = pollster::block_on(scope.pop()) {
+            return Err(TargetError::OutOfMemory { width, height, source });
+        }
+        Ok(Self {
+            width,
+            height,
+            samples: self.samples,
+            resolved_view: resolved.create_view(&Default::default()),
+            shown_view: shown(&resolved),
+            multisampled_view: self.multisampled_view.clone(),
+            depth_view: self.depth_view.clone(),
             resolved,
         })
     }
@@ -161,9 +180,9 @@ impl Target {
         }
     }
 
-    /// The picture as a texture.
-    pub fn view(&self) -> &wgpu::TextureView {
-        &self.resolved_view
+    /// The picture as a texture of sRGB bytes that are taken as they are.
+    pub fn shown_view(&self) -> &wgpu::TextureView {
+        &self.shown_view
     }
 
     /// The depth of every sample.
@@ -249,6 +268,40 @@ impl Target {
     ) -> Result<(), TargetError> {
         write_png(path, self.width, self.height, &self.read_rgba(device, queue)?)
     }
+}
+
+fn describe<'a>(
+    label: &'a str,
+    [width, height]: [u32; 2],
+    format: wgpu::TextureFormat,
+    sample_count: u32,
+    usage: wgpu::TextureUsages,
+    view_formats: &'a [wgpu::TextureFormat],
+) -> wgpu::TextureDescriptor<'a> {
+    wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage,
+        view_formats,
+    }
+}
+
+fn resolved_texture(device: &wgpu::Device, size: [u32; 2]) -> wgpu::Texture {
+    use wgpu::TextureUsages as Usage;
+    let usage = Usage::RENDER_ATTACHMENT | Usage::COPY_SRC | Usage::TEXTURE_BINDING;
+    device.create_texture(&describe("target colour", size, COLOUR_FORMAT, 1, usage, &[SHOWN_FORMAT]))
+}
+
+fn shown(resolved: &wgpu::Texture) -> wgpu::TextureView {
+    resolved.create_view(&wgpu::TextureViewDescriptor {
+        format: Some(SHOWN_FORMAT),
+        usage: Some(wgpu::TextureUsages::TEXTURE_BINDING),
+        ..Default::default()
+    })
 }
 
 /// Writes rows of RGBA as a PNG file, under a temporary name until it is complete.

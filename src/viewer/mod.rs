@@ -4,4 +4,9 @@
 //! newest wish into textures; the window's thread lays out panels, turns what the mouse and the keys do into wishes, and
 //! shows the newest texture.
 
+pub mod loader;
+pub mod painter;
 pub mod panels;
+pub mod reading;
+pub mod screen;
+pub mod settings;

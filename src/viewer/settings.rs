@@ -1,0 +1,268 @@
+//! What the viewer remembers from one session to the next: a small JSON file, read with forgiveness, written whole.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::frame::{Settings as RenderSettings, Spending};
+use crate::scene::views::UpAxis;
+use crate::stream::Strategy;
+
+/// The environment variable with the folder for the viewer's files.
+pub const CONFIG_VARIABLE: &str = "COLLAPSAR_CONFIG";
+/// So many files that were opened last are remembered.
+const MOST_RECENT: usize = 12;
+/// A file of settings is no larger.
+const MAX_FILE_BYTES: u64 = 1 << 20;
+
+/// Why settings cannot be kept.
+#[derive(Debug, thiserror::Error)]
+pub enum SettingsError {
+    /// They are there and cannot be read.
+    #[error("the settings cannot be read and were left as they are; defaults are used until they are mended or removed: {cause}: {}", path.display())]
+    Read {
+        /// Why.
+        cause: String,
+        /// The file.
+        path: PathBuf,
+    },
+    /// They cannot be written.
+    #[error("the settings could not be saved: {cause}: {}", path.display())]
+    Write {
+        /// Why.
+        cause: std::io::Error,
+        /// The file.
+        path: PathBuf,
+    },
+}
+
+/// The interface's colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Theme {
+    /// As the system says.
+    #[default]
+    System,
+    /// Dark on light.
+    Light,
+    /// Light on dark.
+    Dark,
+}
+
+/// What the viewer remembers. Bytes are bytes, lengths of errors pixels.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Settings {
+    /// Colours.
+    pub theme: Theme,
+    /// The interface's size, 1 as the system says.
+    pub zoom: f32,
+    /// Which buttons do what: the word of a mouse preset.
+    pub mouse: String,
+    /// The axis that points upwards.
+    pub up: UpAxis,
+    /// Without perspective.
+    pub parallel: bool,
+    /// Vertices to spend.
+    pub budget_vertices: u32,
+    /// No more is spent on an instance than keeps its error below so many pixels; 0: no such limit.
+    pub error_px: f32,
+    /// The paper's alpha.
+    pub alpha: f32,
+    /// How data is sent.
+    pub strategy: Strategy,
+    /// The most memory for the model.
+    pub memory_bytes: Option<u64>,
+    /// The most memory of the graphics card.
+    pub gpu_memory_bytes: Option<u64>,
+    /// The most that is sent in a frame.
+    pub upload_bytes: Option<u64>,
+    /// Reads no more a second, to see what a slow disk does.
+    pub read_rate: Option<u64>,
+    /// How much depth is shaded, 0 to 2.
+    pub depth_cue: f32,
+    /// Samples a pixel, 1 or 4.
+    pub samples: u32,
+    /// Files that were opened last, the last first.
+    pub recent: Vec<PathBuf>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            theme: Theme::default(),
+            zoom: 1.0,
+            mouse: String::new(),
+            up: UpAxis::default(),
+            parallel: false,
+            budget_vertices: 1_000_000,
+            error_px: 1.0,
+            alpha: 3.0,
+            strategy: Strategy::Coherent,
+            memory_bytes: None,
+            gpu_memory_bytes: None,
+            upload_bytes: Some(32 << 20),
+            read_rate: None,
+            depth_cue: 0.6,
+            samples: 4,
+            recent: Vec::new(),
+        }
+    }
+}
+
+impl Settings {
+    /// What may change from frame to frame.
+    pub fn spending(&self) -> Spending {
+        Spending {
+            budget_vertices: self.budget_vertices,
+            alpha: self.alpha,
+            error_px: self.error_px,
+            strategy: self.strategy,
+            upload_limit_bytes: self.upload_bytes,
+        }
+    }
+
+    /// What a renderer is made with. Frames do not wait for the disk.
+    pub fn render(&self) -> RenderSettings {
+        RenderSettings {
+            budget_vertices: self.budget_vertices,
+            alpha: self.alpha,
+            error_px: self.error_px,
+            strategy: self.strategy,
+            upload_limit_bytes: self.upload_bytes,
+            memory_limit_bytes: self.memory_bytes,
+            gpu_limit_bytes: self.gpu_memory_bytes,
+            read_rate: self.read_rate,
+            settle: false,
+            time_stages: false,
+            width: 16,
+            height: 16,
+            samples: self.samples,
+            ..RenderSettings::default()
+        }
+    }
+
+    /// Remembers a file as the one that was opened last.
+    pub fn opened(&mut self, file: &Path) {
+        let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
+        self.recent.retain(|known| *known != file);
+        self.recent.insert(0, file);
+        self.recent.truncate(MOST_RECENT);
+    }
+
+    /// Numbers that make sense, whatever the file said.
+    fn sane(self) -> Self {
+        let within = |value: f32, low: f32, high: f32, otherwise: f32| {
+            if value.is_finite() { value.clamp(low, high) } else { otherwise }
+        };
+        Self {
+            zoom: within(self.zoom, 0.5, 3.0, 1.0),
+            budget_vertices: self.budget_vertices.clamp(1000, u32::MAX - 1),
+            error_px: within(self.error_px, 0.0, 1000.0, 1.0),
+            alpha: within(self.alpha, 1.0, 10.0, 3.0),
+            depth_cue: within(self.depth_cue, 0.0, 2.0, 0.6),
+            samples: if self.samples == 1 { 1 } else { 4 },
+            ..self
+        }
+    }
+}
+
+/// Where the viewer's files are.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Store {
+    folder: Option<PathBuf>,
+}
+
+impl Store {
+    /// In the folder that the environment names, else in the user's folder for settings.
+    pub fn of_user() -> Self {
+        let named = std::env::var_os(CONFIG_VARIABLE).filter(|name| !name.is_empty()).map(PathBuf::from);
+        Self { folder: named.or_else(|| dirs::config_dir().map(|folder| folder.join("collapsar"))) }
+    }
+
+    /// In a folder.
+    pub fn in_folder(folder: &Path) -> Self {
+        Self { folder: Some(folder.to_owned()) }
+    }
+
+    /// The folder, if there is any; it may not exist yet.
+    pub fn folder(&self) -> Option<&Path> {
+        self.folder.as_deref()
+    }
+
+    /// Reads the settings; without a file, the defaults. What the file lacks has its default, and what it has too much is
+    /// nobody's.
+    ///
+    /// # Errors
+    /// The file is there and cannot be read or understood.
+    pub fn load(&self) -> Result<Settings, SettingsError> {
+        let Some(path) = self.file() else { return Ok(Settings::default()) };
+        let failed = |cause: String| SettingsError::Read { cause, path: path.clone() };
+        let metadata = match std::fs::metadata(&path) {
+            Ok(metadata) => metadata,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Settings::default()),
+            Err(error) => return Err(failed(error.to_string())),
+        };
+        if !metadata.is_file() || metadata.len() > MAX_FILE_BYTES {
+            return Err(failed("it is not a small file".to_owned()));
+        }
+        let text = std::fs::read_to_string(&path).map_err(|error| failed(error.to_string()))?;
+        let settings: Settings = serde_json::from_str(&text).map_err(|error| failed(error.to_string()))?;
+        Ok(settings.sane())
+    }
+
+    /// Writes the settings, whole or not at all.
+    ///
+    /// # Errors
+    /// The folder cannot be made or written to.
+    pub fn save(&self, settings: &Settings) -> Result<(), SettingsError> {
+        let Some(path) = self.file() else { return Ok(()) };
+        let failed = |cause| SettingsError::Write { cause, path: path.clone() };
+        let folder = path.parent().unwrap_or(Path::new("."));
+        std::fs::create_dir_all(folder).map_err(failed)?;
+        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
+        serde_json::to_writer_pretty(&mut file, settings).map_err(|error| failed(error.into()))?;
+        file.persist(&path).map_err(|error| failed(error.error))?;
+        Ok(())
+    }
+
+    fn file(&self) -> Option<PathBuf> {
+        self.folder.as_ref().map(|folder| folder.join("settings.json"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_come_back_as_they_were_saved() {
+        let folder = tempfile::tempdir().unwrap();
+        let store = Store::in_folder(&folder.path().join("not there yet"));
+        assert_eq!(store.load().unwrap(), Settings::default());
+        let mut settings =
+            Settings { theme: Theme::Dark, budget_vertices: 12_345, memory_bytes: Some(1 << 30), ..Settings::default() };
+        for name in ["/a", "/b", "/a"] {
+            settings.opened(Path::new(name));
+        }
+        assert_eq!(settings.recent, [PathBuf::from("/a"), PathBuf::from("/b")]);
+        store.save(&settings).unwrap();
+        assert_eq!(store.load().unwrap(), settings);
+        assert_eq!(std::fs::read_dir(store.folder().unwrap()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_damaged_file_is_said_to_be_one_and_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let (store, path) = (Store::in_folder(folder.path()), folder.path().join("settings.json"));
+        for text in ["", "{", "[]", "{\"alpha\": \"three\"}", "{\"theme\": \"pink\"}"] {
+            std::fs::write(&path, text).unwrap();
+            let message = store.load().unwrap_err().to_string();
+            assert!(message.ends_with("settings.json"), "{message}");
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), text);
+        }
+        std::fs::write(&path, "{\"alpha\": 1e30, \"zoom\": -3, \"samples\": 7, \"of tomorrow\": 1}").unwrap();
+        let settings = store.load().unwrap();
+        assert_eq!((settings.alpha, settings.zoom, settings.samples), (10.0, 0.5, 4));
+    }
+}

@@ -34,6 +34,7 @@ use crate::passes::pick::PickPass;
 use crate::reference::select::SelectView;
 use crate::scene::Scene;
 use crate::scene::camera::Camera;
+use crate::scene::part::ResidentPart;
 use crate::select::states::StateChooser;
 use crate::select::{SelectOn, Wishes};
 use crate::stats::{FrameRecord, floor, memory};
@@ -586,9 +587,14 @@ impl Renderer {
         self.wishes.get()
     }
 
-    /// Vertices of a part that are in memory.
-    pub fn vertices_arrived(&self, part: u32) -> u32 {
-        self.residency.part(part).vertices_arrived()
+    /// What is in memory of a part.
+    pub fn resident(&self, part: u32) -> &ResidentPart {
+        self.residency.part(part)
+    }
+
+    /// The camera of the last frame.
+    pub fn camera(&self) -> Option<Camera> {
+        self.shown
     }
 
     /// How many batches the instances are dealt to.

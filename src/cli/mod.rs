@@ -18,8 +18,12 @@ mod shot;
 mod synth;
 mod values;
 mod verify;
+#[cfg(feature = "viewer")]
+mod view;
 
-use clap::{Parser, Subcommand};
+use std::path::PathBuf;
+
+use clap::{CommandFactory, Parser, Subcommand};
 
 pub use failure::Failure;
 
@@ -29,7 +33,10 @@ pub use failure::Failure;
     name = "collapsar",
     version,
     about,
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
     after_help = "Examples:\n  \
+        collapsar engine.glb                              look at a model in a window (baked beside itself first)\n  \
         collapsar demo                                    bake and fly the bundled models, print the transfer saving\n  \
         collapsar bake engine.glb -o engine.clps          order a model by its edge collapses\n  \
         collapsar fly engine.clps --path orbit --out out  fly round it and write pictures and numbers\n\n\
@@ -39,11 +46,17 @@ pub use failure::Failure;
 )]
 pub struct Arguments {
     #[command(subcommand)]
-    verb: Verb,
+    verb: Option<Verb>,
+    /// A model to look at: short for `view FILE`.
+    #[cfg_attr(not(feature = "viewer"), arg(hide = true))]
+    file: Option<PathBuf>,
 }
 
 #[derive(Debug, Subcommand)]
 enum Verb {
+    /// Look at a model in a window.
+    #[cfg(feature = "viewer")]
+    View(view::ViewArguments),
     /// Order models by their edge collapses and write one container.
     Bake(bake::BakeArguments),
     /// Say what a container holds.
@@ -68,9 +81,25 @@ enum Verb {
     Demo(demo::DemoArguments),
 }
 
+/// Nothing was asked for: says what could be, as for a wrong argument.
+fn usage() -> Result<(), Failure> {
+    let mut command = Arguments::command();
+    let text = command.render_help();
+    eprint!("{text}");
+    std::process::exit(2)
+}
+
 /// Runs the verb that was asked for.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
-    match arguments.verb {
+    let verb = match (arguments.verb, arguments.file) {
+        (Some(verb), _) => verb,
+        #[cfg(feature = "viewer")]
+        (None, Some(file)) => Verb::View(view::ViewArguments::of_file(file)),
+        _ => return usage(),
+    };
+    match verb {
+        #[cfg(feature = "viewer")]
+        Verb::View(arguments) => view::run(&arguments),
         Verb::Bake(arguments) => bake::run(&arguments),
         Verb::Info(arguments) => info::run(&arguments),
         Verb::Verify(arguments) => verify::run(&arguments),

@@ -1,7 +1,5 @@
 //! What the user calls things: the assembly tree, and the names in a container's tables.
 
-use std::ops::Range;
-
 use super::opened::Scene;
 use crate::container::format::{MaterialRow, NO_PARENT, NodeRow};
 
@@ -48,58 +46,10 @@ impl Scene {
         names.join(PATH_SEPARATOR)
     }
 
-    /// The instances of each node, which follow each other in the table: see [`InstancesByNode`].
-    pub fn instances_by_node(&self) -> InstancesByNode {
-        InstancesByNode::new(self)
-    }
-
     fn name(&self, offset: u64, bytes: u32) -> &str {
         let names: &[u8] = self.rows(&self.names);
         let range = offset as usize..offset as usize + bytes as usize;
         // The container has checked that names are inside the section, and all of it UTF-8.
         names.get(range).and_then(|name| std::str::from_utf8(name).ok()).unwrap_or("")
-    }
-}
-
-/// Which instances hang on which node of the assembly tree.
-#[derive(Debug, Default)]
-pub struct InstancesByNode {
-    /// Where those of each node start in `instances`, and one more.
-    starts: Vec<u32>,
-    instances: Vec<u32>,
-}
-
-impl InstancesByNode {
-    fn new(scene: &Scene) -> Self {
-        let mut starts = vec![0u32; scene.nodes().len() + 1];
-        for instance in scene.instances() {
-            starts[instance.node as usize + 1] += 1;
-        }
-        for node in 1..starts.len() {
-            starts[node] += starts[node - 1];
-        }
-        let mut next = starts.clone();
-        let mut instances = vec![0; scene.instances().len()];
-        for (number, instance) in (0u32..).zip(scene.instances()) {
-            let place = &mut next[instance.node as usize];
-            instances[*place as usize] = number;
-            *place += 1;
-        }
-        Self { starts, instances }
-    }
-
-    /// The instances of a node itself, ascending.
-    pub fn of(&self, node: u32) -> &[u32] {
-        &self.instances[self.starts[node as usize] as usize..self.starts[node as usize + 1] as usize]
-    }
-
-    /// Where the instances of a node and of those after it start, among all in the order of their nodes.
-    pub fn starts(&self) -> &[u32] {
-        &self.starts
-    }
-
-    /// The instances of a range of nodes, in the order of their nodes.
-    pub fn of_nodes(&self, nodes: Range<u32>) -> &[u32] {
-        &self.instances[self.starts[nodes.start as usize] as usize..self.starts[nodes.end as usize] as usize]
     }
 }

@@ -6,13 +6,13 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::thread::JoinHandle;
 
+use super::assembly::Assembly;
+use super::search::Search;
 use crate::bake::beside::{Beside, beside};
 use crate::bake::{BakeError, BakeOptions, BakeProgress, bake};
 use crate::scene::Scene;
-use crate::scene::names::InstancesByNode;
 
 /// A scene and what the panels look up in it.
-#[derive(Debug)]
 pub struct Loaded {
     /// The file that was asked for.
     pub file: PathBuf,
@@ -20,8 +20,10 @@ pub struct Loaded {
     pub container: PathBuf,
     /// The model.
     pub scene: Arc<Scene>,
-    /// What hangs where in its tree.
-    pub by_node: Arc<InstancesByNode>,
+    /// Its tree.
+    pub assembly: Arc<Assembly>,
+    /// What is looked up by name in it.
+    pub search: Search,
 }
 
 /// How far it is.
@@ -118,8 +120,9 @@ fn load(file: &Path, progress: &BakeProgress) -> Result<Option<Loaded>, String> 
         return Ok(None);
     }
     let scene = Arc::new(Scene::open(&container).map_err(|error| wrong(&error))?);
-    let by_node = Arc::new(scene.instances_by_node());
-    Ok(Some(Loaded { file: file.to_owned(), container, scene, by_node }))
+    let assembly = Arc::new(Assembly::of(&scene));
+    let search = Search::new(&assembly, scene.as_ref());
+    Ok(Some(Loaded { file: file.to_owned(), container, scene, assembly, search }))
 }
 
 fn bake_beside(model: &Path, container: &Path, progress: &BakeProgress) -> Result<(), BakeError> {

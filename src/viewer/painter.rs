@@ -8,9 +8,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
+use glam::DVec2;
 use parking_lot::{Condvar, Mutex};
 
+use super::measure::{self, Chain, Picked, SnapKind, Surface};
+use super::navigation::Picture;
 use super::reading::{Reading, Watch};
+use crate::container::ContainerError;
 use crate::frame::colour_by::{ColourBy, Coloured, look_of};
 use crate::frame::{FrameError, Pick, Renderer, Settings, Spending};
 use crate::gpu::target::{Target, TargetError, write_png};
@@ -51,6 +55,13 @@ pub enum Errand {
         /// What for, as the window knows it.
         purpose: u32,
     },
+    /// Say what there is to be measured in a pixel.
+    Measure {
+        /// Pixels from the upper left corner.
+        at: [u32; 2],
+        /// Whether the part is read from the file at full detail.
+        is_full: bool,
+    },
     /// Write the newest picture as a PNG file.
     Save(PathBuf),
     /// Behave as if the graphics card had no memory left, to see what happens.
@@ -69,10 +80,23 @@ pub enum Done {
         /// The instance and the point, if there is one.
         found: Option<Pick>,
     },
+    /// What there is to be measured, if there is anything.
+    Measured(Option<Measured>),
+    /// A part could not be read.
+    NotMeasured(String),
     /// The picture is there.
     Saved(PathBuf),
     /// The picture could not be written.
     NotSaved(String),
+}
+
+/// A point to measure from.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Measured {
+    /// The point, and what it is on.
+    pub picked: Picked,
+    /// The edge that it is on, if it is on one.
+    pub chain: Option<Chain>,
 }
 
 /// A finished frame.
@@ -207,6 +231,8 @@ struct Easel<'a> {
 const QUIET_FRAMES: u32 = 4;
 /// A budget is not halved below this.
 const LEAST_BUDGET: u32 = 1000;
+/// Features are taken that are so near.
+const SNAP_PX: f64 = 12.0;
 /// Targets: one is drawn to, one is shown, one is on its way.
 const TARGETS: usize = 3;
 
@@ -370,12 +396,54 @@ impl<'a> Easel<'a> {
                 let found = self.renderer.pick(*at)?;
                 Some(Done::Picked { purpose: *purpose, at: *at, found })
             }
+            Errand::Measure { at, is_full } => Some(match self.measure(*at, *is_full)? {
+                Ok(measured) => Done::Measured(measured),
+                Err(error) => Done::NotMeasured(error.to_string()),
+            }),
             Errand::Save(path) => Some(match self.save(path) {
                 Ok(()) => Done::Saved(path.clone()),
                 Err(error) => Done::NotSaved(error.to_string()),
             }),
             Errand::Exhaust => None,
         })
+    }
+
+    /// Snaps to what is near a pixel; the inner error is a part that cannot be read.
+    fn measure(
+        &mut self,
+        at: [u32; 2],
+        is_full: bool,
+    ) -> Result<Result<Option<Measured>, ContainerError>, FrameError> {
+        let (Some(pick), Some(camera)) = (self.renderer.pick(at)?, self.renderer.camera()) else {
+            return Ok(Ok(None));
+        };
+        let instance = pick.instance;
+        let part = self.scene.instances()[instance as usize].part;
+        let drawn = self.renderer.states()[instance as usize].vertices;
+        let surface = match is_full {
+            true => match Surface::full_detail(self.scene, instance) {
+                Ok(surface) => surface,
+                Err(error) => return Ok(Err(error)),
+            },
+            false => Surface::of_resident(self.scene, instance, self.renderer.resident(part), drawn)
+                .unwrap_or_default(),
+        };
+        let shown = if is_full { self.scene.parts()[part as usize].vertices } else { drawn };
+        let target = self.renderer.target();
+        let picture = Picture::new(target.width().into(), target.height().into());
+        let pixel = DVec2::new(f64::from(at[0]) + 0.5, f64::from(at[1]) + 0.5);
+        let snap = surface.snap(&camera, picture, pixel, SNAP_PX);
+        let kind = snap.map_or(SnapKind::Face, |snap| snap.kind);
+        Ok(Ok(Some(Measured {
+            picked: Picked {
+                point: snap.map_or(pick.point, |snap| snap.point),
+                kind,
+                instance,
+                error: measure::instance_error(self.scene, instance, shown),
+                is_full: measure::is_full_detail(self.scene, instance, shown),
+            },
+            chain: if let SnapKind::Edge(edge) = kind { Some(surface.chain(edge)) } else { None },
+        })))
     }
 
     fn save(&self, path: &std::path::Path) -> Result<(), TargetError> {

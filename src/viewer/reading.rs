@@ -67,7 +67,7 @@ impl Watch {
             tier_count: part.tier_count,
             vertices: [state.vertices, renderer.wishes()[instance as usize], part.vertices],
             triangles: [state.triangles, part.triangles],
-            arrived: renderer.vertices_arrived(row.part),
+            arrived: renderer.resident(row.part).vertices_arrived(),
         }
     }
 }

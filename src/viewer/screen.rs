@@ -110,11 +110,7 @@ impl Screen {
         mut layout: Layout,
         save_as: Option<&Path>,
     ) -> Result<Option<Result<(), String>>, GpuError> {
-        for (id, deltas) in layout.textures.set.drain() {
-            for delta in deltas {
-                self.renderer.update_texture(&self.gpu.device, &self.gpu.queue, id, &delta);
-            }
-        }
+        self.take_new_textures(&mut layout);
         let size = ScreenDescriptor {
             size_in_pixels: [self.config.width, self.config.height],
             pixels_per_point: layout.pixels_per_point,
@@ -130,6 +126,24 @@ impl Screen {
         }
         layout.textures.free.drain().for_each(|id| self.renderer.free_texture(&id));
         self.gpu.check().map(|()| saved)
+    }
+
+    /// Takes the changes of textures of a layout that is not shown.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn take_textures(&mut self, mut layout: Layout) -> Result<(), GpuError> {
+        self.take_new_textures(&mut layout);
+        layout.textures.free.drain().for_each(|id| self.renderer.free_texture(&id));
+        self.gpu.check()
+    }
+
+    fn take_new_textures(&mut self, layout: &mut Layout) {
+        for (id, deltas) in layout.textures.set.drain() {
+            for delta in deltas {
+                self.renderer.update_texture(&self.gpu.device, &self.gpu.queue, id, &delta);
+            }
+        }
     }
 
     /// The texture that the window shows next, if it shows any.

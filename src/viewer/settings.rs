@@ -4,6 +4,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::measure::Units;
+use super::mouse::Preset;
 use crate::frame::{Settings as RenderSettings, Spending};
 use crate::scene::views::UpAxis;
 use crate::stream::Strategy;
@@ -57,8 +59,10 @@ pub struct Settings {
     pub theme: Theme,
     /// The interface's size, 1 as the system says.
     pub zoom: f32,
-    /// Which buttons do what: the word of a mouse preset.
-    pub mouse: String,
+    /// Which buttons do what.
+    pub mouse: Preset,
+    /// What lengths are told in.
+    pub units: Units,
     /// The axis that points upwards.
     pub up: UpAxis,
     /// Without perspective.
@@ -92,7 +96,8 @@ impl Default for Settings {
         Self {
             theme: Theme::default(),
             zoom: 1.0,
-            mouse: String::new(),
+            mouse: Preset::default(),
+            units: Units::default(),
             up: UpAxis::default(),
             parallel: false,
             budget_vertices: 1_000_000,

@@ -23,5 +23,6 @@ mod pipes;
 mod report;
 mod reports;
 mod resume;
+mod shot;
 mod synth;
 mod workplace;

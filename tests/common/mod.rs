@@ -6,10 +6,11 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use collapsar::bake::{BakeOptions, BakeProgress, Loaded, MeshSource, bake, merged};
+use collapsar::bake::{BakeOptions, BakeProgress, Loaded, MeshSource, bake, bake_source, merged};
 use collapsar::geometry::normals::{CREASE_DEGREES, by_crease_angle};
-use collapsar::import::SourceMesh;
+use collapsar::import::{Instance, Material, Model, Node, SourceMesh};
 use collapsar::scene::Scene;
+use glam::{DAffine3, DVec3};
 
 /// The folder of real models, where there is one.
 pub fn datasets() -> Option<PathBuf> {
@@ -187,6 +188,30 @@ pub fn baked(source: &Path) -> Arc<Scene> {
     let folder = tempfile::tempdir().unwrap();
     let container = folder.path().join("model.clps");
     bake(&[source.to_owned()], &container, &BakeOptions::default(), &BakeProgress::default()).unwrap();
+    Arc::new(Scene::open(&container).unwrap())
+}
+
+/// Bakes a model that places each mesh so often in a row along x, `apart` from each other, from `start` on; each placement
+/// has a node of its own.
+pub fn placed_in_a_row(mesh: &SourceMesh, count: u32, apart: f64, start: DVec3) -> Arc<Scene> {
+    let node = |i: u32| Node { name: format!("place {i}"), parent: None };
+    let place = |i: u32| Instance {
+        mesh: 0,
+        node: i,
+        material: 0,
+        world_from_part: DAffine3::from_translation(start + DVec3::X * apart * f64::from(i)),
+    };
+    let model = Model {
+        meshes: vec![mesh.clone()],
+        instances: (0..count).map(place).collect(),
+        nodes: (0..count).map(node).collect(),
+        materials: vec![Material::default()],
+        notes: Vec::new(),
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let container = folder.path().join("row.clps");
+    let (options, progress) = (BakeOptions::default(), BakeProgress::default());
+    bake_source(&Loaded::new(model), &container, &options, &progress).unwrap();
     Arc::new(Scene::open(&container).unwrap())
 }
 

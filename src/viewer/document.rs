@@ -1,0 +1,472 @@
+//! One opened model: what is seen of it, from where, and what the user has done to it. Owns its painter.
+//!
+//! Each turn of the window's loop it takes the painter's news ([`Document::poll`]), lets time pass
+//! ([`Document::advance`]), is shown by the panels, and wishes for the next frame ([`Document::wish`]).
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use glam::DVec2;
+
+use super::bits::Bits;
+use super::cuts::Cuts;
+use super::history::History;
+use super::loader::Loaded;
+use super::measure::{Measuring, What};
+use super::navigation::{Framing, Input, Navigation, Picture};
+use super::painter::{Done, Errand, Frame, Measured, Painter, Trouble, Wake, Wish};
+use super::panels::look::Look as LookSettings;
+use super::settings::Settings;
+use super::tree::Tree;
+use super::visibility::Visibility;
+use crate::frame::Pick;
+use crate::gpu::Gpu;
+use crate::passes::draw::{Look, Style};
+use crate::scene::views::StandardView;
+use crate::scene::{Bounds, Camera, Scene};
+
+/// What a pick is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// To see what is under the pointer.
+    Hover = 0,
+    /// To select it.
+    Select = 1,
+    /// The same, beside what is selected already.
+    SelectMore = 2,
+    /// The hand took hold of it.
+    Grab = 3,
+    /// To cut along its face.
+    Cut = 4,
+    /// To show all of it.
+    Fit = 5,
+}
+
+impl Purpose {
+    const ALL: [Self; 6] =
+        [Self::Hover, Self::Select, Self::SelectMore, Self::Grab, Self::Cut, Self::Fit];
+
+    fn of(number: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|&purpose| purpose as u32 == number)
+    }
+}
+
+/// What somebody else has to know of, or to do.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Happened {
+    /// To be said to the user.
+    Said(String),
+    /// Something went wrong, to be said until the user has seen it.
+    Failed(String),
+    /// The device was lost: make another one and call [`Document::restart`].
+    DeviceLost(String),
+    /// Something was selected in the picture: show it in the tree.
+    Selected(u32),
+    /// A point to measure from was picked.
+    Measured(Measured),
+}
+
+/// An opened model.
+pub struct Document {
+    /// What was opened.
+    pub loaded: Loaded,
+    /// From where it is seen.
+    pub navigation: Navigation,
+    /// What is hidden, ghosted and selected.
+    pub visibility: Visibility,
+    /// The rows of the assembly.
+    pub tree: Tree,
+    /// Whether what is measured is read at full detail first.
+    pub is_full_detail: bool,
+    /// What is cut away.
+    pub cuts: Cuts,
+    /// Colours and edges.
+    pub look: LookSettings,
+    /// The camera that detail is selected for, if it was frozen.
+    pub frozen: Option<Camera>,
+    /// The last frames.
+    pub history: History,
+    /// The newest frame.
+    pub frame: Option<Frame>,
+    /// What is under the pointer.
+    pub hovered: Option<Pick>,
+    /// The instance that was selected last.
+    pub watched: Option<u32>,
+    /// The picture's size in pixels.
+    pub size: [u32; 2],
+    painter: Option<Painter>,
+    wake: Wake,
+    /// The looks that the painter was given, and what they were made of.
+    looks: Arc<Vec<Look>>,
+    looks_revision: Option<u64>,
+    /// The last wish's camera and so on, to see whether there is anything new to wish for.
+    wished: Option<Wished>,
+    /// Whether a pick for the pointer is on its way.
+    is_hover_due: bool,
+    budget_was_halved: Option<u32>,
+}
+
+/// What a wish is compared by.
+#[derive(Debug, Clone, PartialEq)]
+struct Wished {
+    camera: Camera,
+    frozen: Option<Camera>,
+    size: [u32; 2],
+    style: Style,
+    spending: crate::frame::Spending,
+    look: LookSettings,
+    watched: Option<u32>,
+    looks: usize,
+}
+
+impl Document {
+    /// Shows all of a model from the corner.
+    pub fn new(loaded: Loaded, gpu: &Arc<Gpu>, settings: &Settings, wake: Wake) -> Self {
+        let scene = Arc::clone(&loaded.scene);
+        let mut navigation = Navigation::new(*scene.bounds(), settings.up, 1.5);
+        navigation.set_parallel(settings.parallel);
+        navigation.finish();
+        let painter = Painter::new(Arc::clone(gpu), Arc::clone(&scene), settings.render(), Arc::clone(&wake));
+        Self {
+            visibility: Visibility::new(Arc::clone(&loaded.assembly)),
+            tree: Tree::new(Arc::clone(&loaded.assembly)),
+            is_full_detail: false,
+            looks: Arc::new(vec![Look::default(); scene.instances().len()]),
+            navigation,
+            cuts: Cuts::default(),
+            look: LookSettings::default(),
+            frozen: None,
+            history: History::default(),
+            frame: None,
+            hovered: None,
+            watched: None,
+            size: [0; 2],
+            painter: Some(painter),
+            wake,
+            looks_revision: None,
+            wished: None,
+            is_hover_due: false,
+            budget_was_halved: None,
+            loaded,
+        }
+    }
+
+    /// The model.
+    pub fn scene(&self) -> &Arc<Scene> {
+        &self.loaded.scene
+    }
+
+    /// Width over height of the picture.
+    pub fn aspect(&self) -> f64 {
+        f64::from(self.size[0].max(1)) / f64::from(self.size[1].max(1))
+    }
+
+    /// Ends the painter, and gives back the picture.
+    pub fn stop(&mut self) {
+        (self.painter, self.frame) = (None, None);
+    }
+
+    /// Makes everything on the device anew, after it was lost or with other caps; all else stays.
+    pub fn restart(&mut self, gpu: &Arc<Gpu>, settings: &Settings) {
+        // The old one ends first, so that the two never hold memory together.
+        self.painter = None;
+        self.frame = None;
+        self.wished = None;
+        self.is_hover_due = false;
+        let scene = Arc::clone(self.scene());
+        self.painter =
+            Some(Painter::new(Arc::clone(gpu), scene, settings.render(), Arc::clone(&self.wake)));
+    }
+
+    /// Asks for a pick in the picture.
+    pub fn pick(&mut self, at: [u32; 2], purpose: Purpose) {
+        if purpose == Purpose::Hover && std::mem::replace(&mut self.is_hover_due, true) {
+            return;
+        }
+        self.errand(Errand::Pick { at, purpose: purpose as u32 });
+    }
+
+    /// Has something done once.
+    pub fn errand(&self, errand: Errand) {
+        if let Some(painter) = &self.painter {
+            painter.errand(errand);
+        }
+    }
+
+    /// Writes the picture.
+    pub fn save_picture(&self, path: PathBuf) {
+        self.errand(Errand::Save(path));
+    }
+
+    /// Takes the painter's news.
+    pub fn poll(&mut self) -> Vec<Happened> {
+        let Some(painter) = &self.painter else { return Vec::new() };
+        let news = painter.news();
+        news.records.into_iter().for_each(|record| self.history.add(record));
+        let mut happened = Vec::new();
+        if let Some(frame) = news.frame {
+            happened.extend(self.said_of_budget(&frame));
+            self.frame = Some(frame);
+        }
+        happened.extend(news.done.into_iter().filter_map(|done| self.done(done)));
+        if let Some(trouble) = news.trouble {
+            self.painter = None;
+            happened.push(match trouble {
+                Trouble::DeviceLost(why) => Happened::DeviceLost(why),
+                Trouble::Failed(why) => Happened::Failed(why),
+            });
+        }
+        happened
+    }
+
+    fn said_of_budget(&mut self, frame: &Frame) -> Option<Happened> {
+        let halved = frame.halved_budget.filter(|_| frame.halved_budget != self.budget_was_halved)?;
+        self.budget_was_halved = Some(halved);
+        let halved = crate::stats::report::human::count(halved.into());
+        Some(Happened::Said(format!(
+            "The graphics card ran out of memory: the budget was halved to {halved} vertices."
+        )))
+    }
+
+    fn done(&mut self, done: Done) -> Option<Happened> {
+        match done {
+            Done::Saved(path) => Some(Happened::Said(format!("Saved {}", path.display()))),
+            Done::NotSaved(why) | Done::NotMeasured(why) => Some(Happened::Failed(why)),
+            Done::Measured(measured) => measured.map(Happened::Measured),
+            Done::Picked { purpose, found, .. } => self.picked(Purpose::of(purpose)?, found),
+        }
+    }
+
+    fn picked(&mut self, purpose: Purpose, found: Option<Pick>) -> Option<Happened> {
+        match (purpose, found) {
+            (Purpose::Hover, found) => {
+                self.is_hover_due = false;
+                self.visibility.hover(found.map(|pick| pick.instance));
+                self.hovered = found;
+                None
+            }
+            (Purpose::Select, None) => {
+                self.visibility.select(self.visibility.set_of_instance(None));
+                self.watched = None;
+                None
+            }
+            (Purpose::Select | Purpose::SelectMore, Some(pick)) => {
+                self.select(pick.instance, purpose == Purpose::SelectMore);
+                Some(Happened::Selected(pick.instance))
+            }
+            (Purpose::Grab, found) => {
+                self.navigation.begin(found.map(|pick| pick.point));
+                None
+            }
+            (Purpose::Fit, Some(pick)) => {
+                let bounds = self.bounds_of(self.scene().placement(pick.instance));
+                self.navigation.fit(&bounds, self.aspect());
+                None
+            }
+            (Purpose::Cut, Some(pick)) => self.cut_at(pick),
+            _ => None,
+        }
+    }
+
+    /// Cuts across the axis that one looks along most, through a point.
+    fn cut_at(&mut self, pick: Pick) -> Option<Happened> {
+        let bounds = *self.scene().bounds();
+        let towards = -self.navigation.camera().forward();
+        let axis = (0..3).max_by(|&a, &b| towards[a].abs().total_cmp(&towards[b].abs())).unwrap_or(0);
+        let mut plane = super::cuts::Plane::across(axis);
+        plane.set_place(pick.point[axis], &bounds);
+        plane.is_turned = towards[axis] > 0.0;
+        let had_room = self.cuts.add(plane);
+        (!had_room).then(|| Happened::Said("Six planes are the most.".to_owned()))
+    }
+
+    /// Selects an instance, and with it all cells that are placed with it; with `more`, beside what is selected, or no
+    /// longer.
+    pub fn select(&mut self, instance: u32, more: bool) {
+        let picked = self.visibility.set_of_instance(Some(instance));
+        let mut all = if more { self.visibility.selected().clone() } else { Bits::new(picked.limit()) };
+        if picked.iter().all(|leaf| all.has(leaf)) {
+            all.subtract(&picked);
+        } else {
+            all.union(&picked);
+        }
+        self.visibility.select(all);
+        self.watched = Some(instance);
+    }
+
+    /// Selects all that is shown whose middle is seen in a frame, in pixels.
+    pub fn select_in_frame(&mut self, from: DVec2, to: DVec2) {
+        let (low, high) = (from.min(to), from.max(to));
+        let camera = *self.navigation.camera();
+        let size = DVec2::new(self.size[0].into(), self.size[1].into());
+        let clip_from_relative = camera.clip_from_relative(self.aspect() as f32);
+        let is_inside = |instance: u32| {
+            let relative = self.scene().boxes()[instance as usize].centre - camera.eye;
+            let clip = clip_from_relative * relative.as_vec3().extend(1.0);
+            let ndc = DVec2::new(f64::from(clip.x / clip.w), -f64::from(clip.y / clip.w));
+            let at = (ndc + 1.0) * 0.5 * size;
+            clip.w > 0.0 && at.cmpge(low).all() && at.cmple(high).all()
+        };
+        let assembly = &self.loaded.assembly;
+        let mut found = Bits::new(assembly.leaves());
+        for leaf in (0..assembly.leaves()).filter(|&leaf| !self.visibility.hidden().has(leaf)) {
+            if assembly.instances_of_leaf(leaf).any(is_inside) {
+                found.insert(leaf);
+            }
+        }
+        self.watched = found.iter().next().map(|leaf| assembly.instances_of_leaf(leaf).start);
+        self.visibility.select(found);
+    }
+
+    /// Measures from a pixel on.
+    pub fn measure_at(&mut self, at: [u32; 2]) {
+        self.errand(Errand::Measure { at, is_full: self.is_full_detail });
+    }
+
+    /// The pointer has left the picture.
+    pub fn point_at_nothing(&mut self) {
+        if self.hovered.take().is_some() {
+            self.visibility.hover(None);
+        }
+    }
+
+    /// All that is selected.
+    pub fn selected(&self) -> Vec<u32> {
+        self.visibility.instances_of(self.visibility.selected()).collect()
+    }
+
+    /// Does something to what is selected, and asks whether there was anything.
+    pub fn to_selected(&mut self, act: impl FnOnce(&mut Visibility, &Bits)) {
+        let selected = self.visibility.selected().clone();
+        if selected.iter().next().is_some() {
+            act(&mut self.visibility, &selected);
+        }
+    }
+
+    /// The box around instances.
+    pub fn bounds_of(&self, instances: impl IntoIterator<Item = u32>) -> Bounds {
+        let boxes = self.scene().boxes();
+        instances.into_iter().fold(Bounds::EMPTY, |all, instance| {
+            let of = &boxes[instance as usize];
+            all.with_point(of.centre - of.half_extent).with_point(of.centre + of.half_extent)
+        })
+    }
+
+    /// The box around all that is selected; empty if nothing is.
+    pub fn bounds_of_selected(&self) -> Bounds {
+        self.bounds_of(self.visibility.instances_of(self.visibility.selected()))
+    }
+
+    /// The box around the instance that was selected last, with all cells placed with it.
+    pub fn bounds_of_watched(&self) -> Bounds {
+        self.watched.map_or(Bounds::EMPTY, |instance| self.bounds_of(self.scene().placement(instance)))
+    }
+
+    /// Turns the model as if it had been dragged so far, in points of the interface.
+    pub fn orbit(&mut self, by: egui::Vec2) {
+        let picture = Picture::new(self.size[0].into(), self.size[1].into());
+        let by = DVec2::new(by.x.into(), by.y.into());
+        self.navigation.apply(Input::Orbit { by }, picture);
+    }
+
+    /// Goes to where something was measured.
+    pub fn show_measurement(&mut self, measuring: &Measuring, number: u32) {
+        let Some(found) = measuring.list().iter().find(|one| one.number == number) else { return };
+        let bounds = match found.what {
+            What::Distance { from, to } => Bounds::EMPTY.with_point(from).with_point(to),
+            What::Edge { at, length, .. } => Bounds::new(at - 0.5 * length, at + 0.5 * length),
+            What::Size { bounds, .. } => bounds,
+        };
+        self.navigation.fit(&bounds, self.aspect());
+    }
+
+    /// Shows all that is shown.
+    pub fn fit_all(&mut self) {
+        let hidden = self.visibility.hidden();
+        let assembly = &self.loaded.assembly;
+        let bounds = match hidden.iter().next() {
+            Some(_) => {
+                let shown = (0..assembly.leaves()).filter(|&leaf| !hidden.has(leaf));
+                self.bounds_of(shown.flat_map(|leaf| assembly.instances_of_leaf(leaf)))
+            }
+            None => *self.scene().bounds(),
+        };
+        let bounds = if bounds.is_empty() { *self.scene().bounds() } else { bounds };
+        self.navigation.fit(&bounds, self.aspect());
+    }
+
+    /// Shows all that is selected, or all.
+    pub fn fit_selected(&mut self) {
+        let bounds = self.bounds_of_selected();
+        if bounds.is_empty() { self.fit_all() } else { self.navigation.fit(&bounds, self.aspect()) }
+    }
+
+    /// Looks at all of it from a side.
+    pub fn view(&mut self, view: StandardView) {
+        let bounds = *self.scene().bounds();
+        self.navigation.view(view, Framing::Fit(bounds), self.aspect());
+    }
+
+    /// Keeps what is drawn as it was selected for here, or follows the camera again.
+    pub fn toggle_freeze(&mut self) {
+        self.frozen = match self.frozen {
+            Some(_) => None,
+            None => Some(*self.navigation.camera()),
+        };
+    }
+
+    /// Lets time pass; gives whether something moves.
+    pub fn advance(&mut self, settings: &Settings, seconds: f64) -> bool {
+        self.navigation.up = settings.up;
+        self.navigation.set_parallel(settings.parallel);
+        self.navigation.tick(seconds)
+    }
+
+    /// Wishes for a frame if anything is different from the last wish.
+    pub fn wish(&mut self, settings: &Settings) {
+        if self.size.contains(&0) {
+            return;
+        }
+        let revision = Some(self.visibility.revision());
+        if std::mem::replace(&mut self.looks_revision, revision) != revision {
+            let mut looks = Vec::new();
+            self.visibility.looks(&[], &mut looks);
+            self.looks = Arc::new(looks);
+        }
+        let wished = self.wished_now(settings);
+        if self.wished.as_ref() == Some(&wished) {
+            return;
+        }
+        if let Some(painter) = &self.painter {
+            painter.wish(Wish {
+                camera: wished.camera,
+                frozen: wished.frozen,
+                size: wished.size,
+                style: wished.style.clone(),
+                spending: wished.spending,
+                colour_by: wished.look.colour_by,
+                looks: Arc::clone(&self.looks),
+                watched: wished.watched,
+            });
+        }
+        self.wished = Some(wished);
+    }
+
+    fn wished_now(&self, settings: &Settings) -> Wished {
+        Wished {
+            camera: *self.navigation.camera(),
+            frozen: self.frozen,
+            size: self.size,
+            style: Style {
+                edges: self.look.edges,
+                sections: self.cuts.sections(self.scene().bounds()),
+                depth_cue: settings.depth_cue,
+                ..Style::default()
+            },
+            spending: settings.spending(),
+            look: self.look,
+            watched: self.watched,
+            looks: Arc::as_ptr(&self.looks) as usize,
+        }
+    }
+}

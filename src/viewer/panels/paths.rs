@@ -1,0 +1,164 @@
+//! Dialogs for files: a field to type in, what was opened last, and the system's own dialog.
+
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+
+use egui::{Id, Key, Modal, ScrollArea, TextEdit, Ui};
+
+/// What a file is wanted for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Want {
+    /// To be opened.
+    Open,
+    /// The picture, to be written.
+    SavePicture,
+    /// The window, to be written.
+    SaveWindow,
+    /// A turntable path, to be written.
+    SaveTurntable,
+    /// A recorded path, to be written.
+    SavePath,
+    /// A path, to be read.
+    LoadPath,
+}
+
+impl Want {
+    fn title(self) -> &'static str {
+        match self {
+            Self::Open => "Open a model",
+            Self::SavePicture => "Save the picture",
+            Self::SaveWindow => "Save a picture of the window",
+            Self::SaveTurntable => "Save a turntable path for `collapsar fly --path`",
+            Self::LoadPath => "Load a path",
+            Self::SavePath => "Save the recorded path for `collapsar fly --path`",
+        }
+    }
+
+    fn extensions(self) -> &'static [&'static str] {
+        match self {
+            Self::Open => &["clps", "glb", "gltf", "obj", "ply", "stl", "zst", "gz"],
+            Self::SavePicture | Self::SaveWindow => &["png"],
+            Self::SaveTurntable | Self::SavePath | Self::LoadPath => &["json"],
+        }
+    }
+
+    fn is_open(self) -> bool {
+        matches!(self, Self::Open | Self::LoadPath)
+    }
+}
+
+/// A dialog that is open.
+pub struct PathDialog {
+    want: Want,
+    text: String,
+    /// The system's dialog, while it is open beside this one.
+    system: Option<Receiver<Option<PathBuf>>>,
+}
+
+/// How it ended.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Ended {
+    /// With a file.
+    Chosen(Want, PathBuf),
+    /// With none.
+    Closed,
+}
+
+impl PathDialog {
+    /// Asks for a file; `first` is what stands in the field.
+    pub fn new(want: Want, first: &Path) -> Self {
+        Self { want, text: first.display().to_string(), system: None }
+    }
+
+    /// Shows it; says how it ended once it has.
+    pub fn show(&mut self, context: &egui::Context, recent: &[PathBuf]) -> Option<Ended> {
+        let modal = Modal::new(Id::unique("path dialog")).show(context, |ui| self.contents(ui, recent));
+        let should_close = modal.should_close();
+        match modal.inner.or_else(|| self.from_system()) {
+            Some(path) => Some(Ended::Chosen(self.want, path)),
+            None => should_close.then_some(Ended::Closed),
+        }
+    }
+
+    fn contents(&mut self, ui: &mut Ui, recent: &[PathBuf]) -> Option<PathBuf> {
+        ui.set_width(520.0);
+        ui.heading(self.want.title());
+        let label = ui.label("File");
+        let field = TextEdit::singleline(&mut self.text).desired_width(f32::INFINITY).hint_text("a path");
+        let field = ui.add(field).labelled_by(label.id);
+        if !field.lost_focus() {
+            field.request_focus();
+        }
+        let mut chosen = None;
+        ui.horizontal(|ui| {
+            let name = if self.want.is_open() { "Open" } else { "Save" };
+            let is_typed = !self.text.trim().is_empty();
+            let is_entered = ui.input(|input| input.key_pressed(Key::Enter));
+            let clicked = ui.add_enabled(is_typed, egui::Button::new(name)).clicked();
+            if is_typed && (clicked || is_entered) {
+                chosen = Some(PathBuf::from(self.text.trim()));
+            }
+            let browse = egui::Button::new("Browse…");
+            if ui.add_enabled(self.system.is_none(), browse).clicked() {
+                self.browse(ui.ctx().clone());
+            }
+            if ui.button("Cancel").clicked() {
+                ui.close();
+            }
+        });
+        if self.want == Want::Open && !recent.is_empty() {
+            ui.separator();
+            ui.label("Opened last");
+            ScrollArea::vertical().max_height(200.0).show(ui, |ui| {
+                chosen = chosen.take().or_else(|| recent_rows(ui, recent));
+            });
+        }
+        chosen
+    }
+
+    /// Opens the system's dialog on a thread of its own, for it waits.
+    fn browse(&mut self, context: egui::Context) {
+        let (sender, receiver) = channel();
+        let (want, start) = (self.want, PathBuf::from(self.text.trim()));
+        std::thread::spawn(move || {
+            let mut dialog = rfd::FileDialog::new().add_filter("files", want.extensions()).set_title(want.title());
+            if let Some(folder) = start.parent().filter(|folder| folder.is_dir()) {
+                dialog = dialog.set_directory(folder);
+            }
+            let chosen = match want.is_open() {
+                true => dialog.pick_file(),
+                false => dialog.set_file_name(start.file_name().unwrap_or_default().to_string_lossy()).save_file(),
+            };
+            // Nobody listens any more if this dialog was closed.
+            let _ = sender.send(chosen);
+            context.request_repaint();
+        });
+        self.system = Some(receiver);
+    }
+
+    fn from_system(&mut self) -> Option<PathBuf> {
+        match self.system.as_ref()?.try_recv() {
+            Ok(chosen) => {
+                self.system = None;
+                chosen
+            }
+            Err(TryRecvError::Empty) => None,
+            Err(TryRecvError::Disconnected) => {
+                self.system = None;
+                None
+            }
+        }
+    }
+}
+
+/// What was opened last, to be clicked on.
+pub fn recent_rows(ui: &mut Ui, recent: &[PathBuf]) -> Option<PathBuf> {
+    let mut chosen = None;
+    for path in recent {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        if ui.link(name.as_ref()).on_hover_text(path.display().to_string()).clicked() {
+            chosen = Some(path.clone());
+        }
+    }
+    chosen
+}

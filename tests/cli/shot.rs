@@ -1,0 +1,111 @@
+//! `shot`: pictures from every side, cut and coloured, and what it cannot be asked for; `view` without a display.
+
+use crate::workplace::{Workplace, has_gpu};
+
+const CUBE: &str = "o cube\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\n\
+    f 1 3 2\nf 2 3 4\nf 5 6 7\nf 6 8 7\nf 1 2 5\nf 2 6 5\nf 3 7 4\nf 4 7 8\nf 1 5 3\nf 3 5 7\nf 2 4 6\nf 4 8 6\n\
+    o pin\nv 3 0 0\nv 4 0 0\nv 3 1 0\nf 9 10 11\n";
+
+fn size_of(workplace: &Workplace, name: &str) -> (u32, u32) {
+    image::image_dimensions(workplace.path(name)).unwrap()
+}
+
+/// How many pixels differ clearly.
+fn difference(workplace: &Workplace, a: &str, b: &str) -> usize {
+    let [a, b] = [a, b].map(|name| image::open(workplace.path(name)).unwrap().to_rgb8());
+    a.pixels().zip(b.pixels()).filter(|(a, b)| (0..3).any(|c| a[c].abs_diff(b[c]) > 12)).count()
+}
+
+#[test]
+fn a_model_is_baked_beside_itself_and_shown_from_every_side() {
+    if !has_gpu("a_model_is_baked_beside_itself_and_shown_from_every_side") {
+        return;
+    }
+    let workplace = Workplace::new();
+    workplace.write("cube.obj", CUBE);
+    workplace.run(&["shot", "cube.obj", "--size", "160x120", "-o", "iso.png"]).succeeded();
+    assert_eq!(size_of(&workplace, "iso.png"), (160, 120));
+    let baked = workplace.read("cube.obj.clps");
+    for (arguments, picture) in [
+        (&["--view", "front"][..], "front.png"),
+        (&["--view", "top", "--parallel"], "top.png"),
+        (&["--section", "x=10%", "--section=-y=0.5"], "cut.png"),
+        (&["--section-box", "10%,10%,10%,50%,50%,50%"], "box.png"),
+        (&["--colour-by", "part"], "parts.png"),
+        (&["--edges", "features"], "edges.png"),
+        (&["--edges", "all", "--depth-cue", "0"], "wire.png"),
+        (&["--hide", "PIN"], "hidden.png"),
+        (&["--isolate", "pin", "--fit", "isolated"], "isolated.png"),
+        (&["--ghost", "cube"], "ghost.png"),
+        (&["--select", "pin"], "selected.png"),
+        (&["--up", "z", "--fov", "20"], "up.png"),
+        (&["--camera", "{\"frame\":0,\"eye\":[9,5,9],\"target\":[1,0,0]}"], "camera.png"),
+    ] {
+        let all = [&["shot", "cube.obj", "--size", "160x120", "-o", picture], arguments].concat();
+        workplace.run(&all).succeeded().says(&[picture]);
+        assert!(difference(&workplace, "iso.png", picture) > 20, "{arguments:?} changed nothing");
+    }
+    assert_eq!(workplace.read("cube.obj.clps"), baked, "an unchanged model was baked again");
+}
+
+#[test]
+fn what_makes_no_sense_is_refused_before_anything_is_written() {
+    let workplace = Workplace::new();
+    workplace.write("cube.obj", CUBE);
+    workplace.bake("cube.obj", "cube.clps");
+    for (arguments, words) in [
+        (&["--section", "w=3"][..], "must be x, y or z"),
+        (&["--section", "x"], "must be x, y or z"),
+        (&["--section-box", "1,2,3"], "six numbers"),
+        (&["--size", "0x5"], "width x height"),
+        (&["--fov", "180"], "from 1 to 170"),
+        (&["--depth-cue", "3"], "from 0 to 2"),
+        (&["--view", "above"], "invalid value"),
+        (&["--camera", "{}", "--view", "top"], "cannot be used with"),
+    ] {
+        let all = [&["shot", "cube.clps", "-o", "out.png"], arguments].concat();
+        workplace.refuses(&all, &[words]);
+    }
+}
+
+#[test]
+fn what_cannot_be_done_is_said_in_a_line() {
+    if !has_gpu("what_cannot_be_done_is_said_in_a_line") {
+        return;
+    }
+    let workplace = Workplace::new();
+    workplace.write("cube.obj", CUBE);
+    workplace.bake("cube.obj", "cube.clps");
+    workplace.write("broken.clps", "no container at all");
+    workplace.write("keys.json", "[]");
+    for (arguments, words) in [
+        (&["shot", "missing.clps", "-o", "a.png"][..], "missing.clps"),
+        (&["shot", "broken.clps", "-o", "a.png"], "broken.clps"),
+        (&["shot", ".", "-o", "a.png"], "directory"),
+        (&["shot", "cube.clps", "-o", "no/folder.png"], "folder does not exist"),
+        (&["shot", "cube.clps", "--hide", "wheel", "-o", "a.png"], "is called `wheel`"),
+        (&["shot", "cube.clps", "--camera", "{\"frame\":0}", "-o", "a.png"], "keyframes"),
+        (&["shot", "cube.clps", "--camera", "keys.json", "-o", "a.png"], "keys.json"),
+        (&["shot", "cube.clps", "--size", "99999x9", "-o", "a.png"], "not possible"),
+        (
+            &[
+                "shot", "cube.clps", "-o", "a.png", "--section", "x=1", "--section", "x=1", "--section", "x=1",
+                "--section", "x=1", "--section", "x=1", "--section", "x=1", "--section", "x=1",
+            ],
+            "at most 6",
+        ),
+    ] {
+        workplace.fails(arguments, &[words]);
+    }
+}
+
+#[cfg(feature = "viewer")]
+#[test]
+fn without_a_display_view_says_so() {
+    let workplace = Workplace::new();
+    workplace.write("cube.obj", CUBE);
+    let nowhere = [("DISPLAY", ""), ("WAYLAND_DISPLAY", ""), ("WAYLAND_SOCKET", "")];
+    for arguments in [&["view"][..], &["view", "cube.obj"], &["cube.obj"]] {
+        workplace.run_with(arguments, &nowhere).failed(&["no window can be opened", "shot"]);
+    }
+}

@@ -1,0 +1,278 @@
+//! What the user does to a picture: picks, looks, sections, projections, each on the real renderer.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test that cannot set up its scene should fail loudly"
+)]
+
+mod common;
+
+use std::f64::consts::FRAC_PI_4;
+use std::sync::{Arc, OnceLock};
+
+use collapsar::frame::{Renderer, Settings};
+use collapsar::gpu::{Gpu, GpuOptions, testing};
+use collapsar::passes::draw::{Edges, Look, Section, Style};
+use collapsar::scene::camera::Parallel;
+use collapsar::scene::views::{self, Projection, StandardView, UpAxis};
+use collapsar::scene::{Camera, Scene};
+use collapsar::stats::FrameRecord;
+use glam::DVec3;
+
+const SIZE: u32 = 200;
+
+/// The device of all tests here, or `None` where the environment says that there is none.
+fn gpu(test: &str) -> Option<Arc<Gpu>> {
+    static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
+    if std::env::var_os("COLLAPSAR_NO_GPU").is_some_and(|value| value == "1") {
+        eprintln!("skipped: {test}: COLLAPSAR_NO_GPU is set");
+        testing::log_run(test, None);
+        return None;
+    }
+    let gpu =
+        GPU.get_or_init(|| Arc::new(Gpu::new(&GpuOptions::default()).expect("a GPU, or COLLAPSAR_NO_GPU=1")));
+    testing::log_run(test, Some(&gpu.adapter_info.name));
+    Some(Arc::clone(gpu))
+}
+
+fn settings() -> Settings {
+    Settings { budget_vertices: 200_000, width: SIZE, height: SIZE, samples: 4, ..Settings::default() }
+}
+
+/// Spheres of radius 1 in a row along x, 3 apart.
+fn spheres(count: u32) -> Arc<Scene> {
+    spheres_at(count, DVec3::ZERO)
+}
+
+fn spheres_at(count: u32, start: DVec3) -> Arc<Scene> {
+    common::placed_in_a_row(&common::sphere(24, 48), count, 3.0, start)
+}
+
+fn front(scene: &Scene) -> Camera {
+    views::fit(scene.bounds(), scene.bounds(), StandardView::Front.orientation(UpAxis::Y), Projection::Parallel, 1.0)
+}
+
+/// Draws until nothing changes any more.
+fn settle(renderer: &mut Renderer, camera: &Camera) -> FrameRecord {
+    (0..6).map(|_| renderer.frame(camera).unwrap()).last().unwrap()
+}
+
+fn pixels(renderer: &Renderer) -> Vec<[u8; 4]> {
+    let gpu = renderer.gpu();
+    let rgba = renderer.target().read_rgba(&gpu.device, &gpu.queue).unwrap();
+    rgba.as_chunks().0.to_vec()
+}
+
+/// Where a point is in the picture.
+fn pixel_of(camera: &Camera, point: DVec3) -> [u32; 2] {
+    let clip = camera.clip_from_relative(1.0) * (point - camera.eye).as_vec3().extend(1.0);
+    let at = |ndc: f32| ((0.5 + 0.5 * ndc) * SIZE as f32) as u32;
+    [at(clip.x / clip.w), at(-clip.y / clip.w)]
+}
+
+/// How far a ray from the eye through the middle of a pixel goes until it meets a sphere of radius 1.
+fn on_sphere(camera: &Camera, [x, y]: [u32; 2], centre: DVec3) -> Option<DVec3> {
+    let ndc = |pixel: u32| 2.0 * (f64::from(pixel) + 0.5) / f64::from(SIZE) - 1.0;
+    let half = match camera.parallel {
+        Some(parallel) => 0.5 * parallel.height,
+        None => (0.5 * camera.vertical_fov_radians).tan(),
+    };
+    let (right, up) = (camera.right() * ndc(x) * half, camera.up() * -ndc(y) * half);
+    let (start, direction) = match camera.parallel {
+        Some(parallel) => (camera.eye + right + up - camera.forward() * parallel.reach, camera.forward()),
+        None => (camera.eye, (camera.forward() + right + up).normalize()),
+    };
+    let towards = centre - start;
+    let along = towards.dot(direction);
+    let beside2 = towards.length_squared() - along * along;
+    (beside2 < 1.0).then(|| start + direction * (along - (1.0 - beside2).sqrt()))
+}
+
+#[test]
+fn a_pick_finds_the_instance_and_the_point_that_a_ray_meets() {
+    let Some(gpu) = gpu("a_pick_finds_the_instance_and_the_point_that_a_ray_meets") else { return };
+    let scene = spheres(4);
+    let perspective =
+        Camera::look_at(DVec3::new(-4.0, 3.0, 9.0), DVec3::new(5.0, 0.0, 0.0), DVec3::Y, FRAC_PI_4, 0.01);
+    for camera in [perspective, front(&scene)] {
+        let mut renderer = Renderer::new(Arc::clone(&gpu), Arc::clone(&scene), settings()).unwrap();
+        settle(&mut renderer, &camera);
+        let (mut hits, mut misses) = (0, 0);
+        for at in (0..SIZE * SIZE).step_by(397).map(|i| [i % SIZE, i / SIZE]) {
+            let centre = |i: u32| DVec3::X * 3.0 * f64::from(i);
+            let met = (0..4).filter_map(|i| Some((i, on_sphere(&camera, at, centre(i))?)));
+            let nearest = met.min_by(|a, b| {
+                let depth = |point: DVec3| (point - camera.eye).dot(camera.forward());
+                depth(a.1).total_cmp(&depth(b.1))
+            });
+            let found = renderer.pick(at).unwrap();
+            // Within a few per cent of the silhouette facets and spheres differ.
+            let Some((instance, point)) = nearest else {
+                misses += usize::from(found.is_none());
+                continue;
+            };
+            let facing = (point - centre(instance)).dot(camera.eye - point).abs() / (camera.eye - point).length();
+            if facing < 0.3 && camera.parallel.is_none() {
+                continue;
+            }
+            if let Some(found) = found {
+                hits += 1;
+                assert_eq!(found.instance, instance, "{at:?}");
+                assert!((found.point - point).length() < 0.06, "{at:?}: {} {point}", found.point);
+            }
+        }
+        assert!(hits > 10 && misses > 10, "{hits} {misses}");
+        assert_eq!(renderer.pick([SIZE, 0]).unwrap(), None);
+    }
+}
+
+#[test]
+fn hiding_and_colouring_send_no_geometry_and_take_one_frame() {
+    let Some(gpu) = gpu("hiding_and_colouring_send_no_geometry_and_take_one_frame") else { return };
+    let scene = spheres(5);
+    let camera = front(&scene);
+    let mut renderer = Renderer::new(gpu, Arc::clone(&scene), settings()).unwrap();
+    settle(&mut renderer, &camera);
+    let all = pixels(&renderer);
+    let at = |i: u32| pixel_of(&camera, DVec3::X * 3.0 * f64::from(i));
+    let mut looks = vec![Look::default(); 5];
+    for (change, hidden) in [
+        (Look::HIDDEN, [false, true, false, false, false]),
+        (Look::coloured([255, 0, 255, 255]), [false; 5]),
+        (Look::GHOST, [false; 5]),
+        (Look::default(), [false; 5]),
+    ] {
+        looks[1] = change;
+        renderer.set_looks(&looks);
+        let record = renderer.frame(&camera).unwrap();
+        let geometry = record.streamed_vertices + record.streamed_triangles + record.streamed_ecol;
+        assert_eq!((geometry, record.compute_passes, record.disk_bytes), (0, 0, 0), "{change:?}");
+        let picture = pixels(&renderer);
+        for i in 0..5 {
+            let picked = renderer.pick(at(i)).unwrap().map(|pick| pick.instance);
+            assert_eq!(picked, (!hidden[i as usize]).then_some(i), "{change:?}");
+            let [x, y] = at(i);
+            let place = (y * SIZE + x) as usize;
+            let is_same = picture[place] == all[place];
+            assert_eq!(is_same, i != 1 || change == Look::default(), "{change:?} at {i}");
+        }
+    }
+    assert_eq!(pixels(&renderer), all);
+}
+
+#[test]
+fn sections_cut_and_close_what_they_cut_at_any_level_of_detail() {
+    let Some(gpu) = gpu("sections_cut_and_close_what_they_cut_at_any_level_of_detail") else { return };
+    let scene = spheres(1);
+    assert_eq!(scene.parts()[0].closure(), collapsar::geometry::Closure::Closed);
+    let camera = front(&scene);
+    let [x, y] = pixel_of(&camera, DVec3::ZERO);
+    let radius = f64::from(pixel_of(&camera, DVec3::X)[0] - x);
+    for budget_vertices in [200_000, 200, 60] {
+        for samples in [1, 4] {
+            let settings = Settings { budget_vertices, samples, ..settings() };
+            let mut renderer = Renderer::new(Arc::clone(&gpu), Arc::clone(&scene), settings).unwrap();
+            let whole = settle(&mut renderer, &camera);
+            assert!(whole.active_triangles > 0);
+            let looks = [Look::coloured([255, 0, 0, 255])];
+            renderer.set_looks(&looks);
+            // The front half goes: what is seen is the face of the cut.
+            let section = Section { point: DVec3::new(0.0, 0.0, 0.01), normal: DVec3::NEG_Z };
+            renderer.set_style(Style { sections: vec![section], ..Style::default() });
+            let record = renderer.frame(&camera).unwrap();
+            assert_eq!(record.streamed_triangles, 0);
+            let picture = pixels(&renderer);
+            for place in 0..SIZE * SIZE {
+                let (dx, dy) = (f64::from(place % SIZE) - f64::from(x), f64::from(place / SIZE) - f64::from(y));
+                let distance = dx.hypot(dy);
+                let is_red = picture[place as usize][0] > picture[place as usize][1];
+                // A coarse sphere fills its circle only in part, but without holes.
+                let inside = if budget_vertices < 1000 { 0.5 } else { 0.93 };
+                if distance < inside * radius {
+                    assert!(is_red, "{budget_vertices} {samples}: a hole at {dx} {dy}");
+                } else if distance > radius + 2.0 {
+                    assert!(!is_red, "{budget_vertices} {samples}: something at {dx} {dy}");
+                }
+            }
+            // The face is flat: everything that is picked on it lies on the plane.
+            for at in [[x, y], [x + (0.4 * radius) as u32, y], [x, y - (0.3 * radius) as u32]] {
+                let pick = renderer.pick(at).unwrap().unwrap();
+                assert!((pick.point.z - 0.01).abs() < 1e-4, "{}", pick.point);
+            }
+        }
+    }
+}
+
+#[test]
+fn what_a_section_cuts_away_is_neither_seen_nor_picked() {
+    let Some(gpu) = gpu("what_a_section_cuts_away_is_neither_seen_nor_picked") else { return };
+    let scene = spheres(3);
+    let camera = front(&scene);
+    let mut renderer = Renderer::new(gpu, Arc::clone(&scene), settings()).unwrap();
+    let sections = vec![
+        Section { point: DVec3::X * 1.5, normal: DVec3::X },
+        Section { point: DVec3::X * 4.5, normal: DVec3::NEG_X },
+    ];
+    renderer.set_style(Style { sections, ..Style::default() });
+    settle(&mut renderer, &camera);
+    let picked = |renderer: &mut Renderer, i: u32| {
+        let at = pixel_of(&camera, DVec3::X * 3.0 * f64::from(i));
+        renderer.pick(at).unwrap().map(|pick| pick.instance)
+    };
+    assert_eq!([0, 1, 2].map(|i| picked(&mut renderer, i)), [None, Some(1), None]);
+}
+
+#[test]
+fn a_model_far_from_the_origin_looks_the_same() {
+    let Some(gpu) = gpu("a_model_far_from_the_origin_looks_the_same") else { return };
+    let scene = spheres(3);
+    let shift = DVec3::new(1e7, -3e6, 2e6);
+    let picture = |scene: &Arc<Scene>, shift: DVec3| {
+        let camera = front(scene);
+        let mut renderer = Renderer::new(Arc::clone(&gpu), Arc::clone(scene), settings()).unwrap();
+        let section = Section { point: shift + DVec3::new(0.0, 0.3, 0.0), normal: DVec3::NEG_Y };
+        let style = Style { sections: vec![section], edges: Edges::Features, depth_cue: 0.6, ..Style::default() };
+        renderer.set_style(style);
+        settle(&mut renderer, &camera);
+        let pick = renderer.pick(pixel_of(&camera, shift + DVec3::X * 3.0)).unwrap().unwrap();
+        (pixels(&renderer), pick.point - shift)
+    };
+    let (near, near_point) = picture(&scene, DVec3::ZERO);
+    let far_scene = spheres_at(3, shift);
+    let (far, far_point) = picture(&far_scene, shift);
+    assert!((near_point - far_point).length() < 1e-3, "{near_point} {far_point}");
+    let differ = near.iter().zip(&far).filter(|(a, b)| (0..3).any(|c| a[c].abs_diff(b[c]) > 6)).count();
+    // Pixels on the border of a facet may fall to either side.
+    assert!(differ < near.len() / 200, "{differ} of {} pixels differ", near.len());
+}
+
+#[test]
+fn edges_depth_cues_and_projections_draw_what_they_say() {
+    let Some(gpu) = gpu("edges_depth_cues_and_projections_draw_what_they_say") else { return };
+    let mesh = common::patched_box(4);
+    let scene = common::baked_meshes(&[mesh]);
+    let camera = views::fit(
+        scene.bounds(), scene.bounds(), StandardView::Iso.orientation(UpAxis::Y), Projection::default(), 1.0,
+    );
+    let dark = |style: Style, camera: &Camera| {
+        let mut renderer = Renderer::new(Arc::clone(&gpu), Arc::clone(&scene), settings()).unwrap();
+        renderer.set_style(style);
+        settle(&mut renderer, camera);
+        let light = |pixel: &&[u8; 4]| u32::from(pixel[0]) + u32::from(pixel[1]) + u32::from(pixel[2]) < 200;
+        pixels(&renderer).iter().filter(light).count()
+    };
+    let of = |edges| dark(Style { edges, ..Style::default() }, &camera);
+    let [none, features, all] = [Edges::None, Edges::Features, Edges::All].map(of);
+    assert!(none * 4 < features && features < all, "{none} {features} {all}");
+    let parallel = Camera { parallel: Some(Parallel { height: 3.0, reach: 20.0 }), ..front(&scene) };
+    assert!(dark(Style { edges: Edges::All, ..Style::default() }, &parallel) > 0);
+    let lit = |depth_cue| {
+        let mut renderer = Renderer::new(Arc::clone(&gpu), spheres(3), settings()).unwrap();
+        renderer.set_style(Style { depth_cue, ..Style::default() });
+        let camera = Camera::look_at(DVec3::new(-6.0, 1.0, 1.0), DVec3::X * 3.0, DVec3::Y, FRAC_PI_4, 0.01);
+        settle(&mut renderer, &camera);
+        pixels(&renderer).iter().map(|pixel| u64::from(pixel[1])).sum::<u64>()
+    };
+    assert!(lit(1.0) < lit(0.0));
+}

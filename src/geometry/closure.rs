@@ -90,7 +90,7 @@ mod tests {
         assert_eq!(closure_of(&cube(|_| ())), Closure::Closed);
         let flipped = cube(|all| all.iter_mut().for_each(|t| t.swap(0, 1)));
         assert_eq!(closure_of(&flipped), Closure::InsideOut);
-        assert_eq!(closure_of(&cube(|all| drop(all.pop()))), Closure::Open);
+        assert_eq!(closure_of(&cube(|all| _ = all.pop())), Closure::Open);
         assert_eq!(closure_of(&cube(|all| all[3].swap(0, 1))), Closure::Open);
         assert_eq!(closure_of(&cube(|all| all.push(all[0]))), Closure::Open);
         assert_eq!(closure_of(&cube(Vec::clear)), Closure::Open);

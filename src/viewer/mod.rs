@@ -4,4 +4,10 @@
 //! newest wish into textures; the window's thread lays out panels, turns what the mouse and the keys do into wishes, and
 //! shows the newest texture.
 
+pub mod assembly;
+pub mod bits;
+mod changes;
 pub mod panels;
+pub mod search;
+pub mod tree;
+pub mod visibility;

@@ -1,1 +1,2 @@
 //! What is around the picture, a file each: each panel shows a state and says what the user did to it.
+pub mod tree;

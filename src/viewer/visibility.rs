@@ -165,7 +165,7 @@ impl Visibility {
         leaves.iter().flat_map(|leaf| self.assembly.instances_of_leaf(leaf))
     }
 
-    /// How much of an item is shown. An item without leaves is hidden when nothing is there to be shown: it says `None`.
+    /// How much of an item is shown: nothing of one without leaves.
     pub fn shown_share(&self, item: u32) -> Share {
         let leaves = self.assembly.leaves_of(item);
         let total = leaves.len() as u32;

@@ -262,6 +262,7 @@ mod tests {
     }
 
     #[test]
+    #[expect(clippy::single_range_in_vec_init, reason = "a list of one range is meant")]
     fn numbers_beyond_the_limit_are_nowhere() {
         let mut bits = Bits::new(70);
         bits.insert_range(60..500);

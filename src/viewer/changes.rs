@@ -58,6 +58,7 @@ mod tests {
     use super::*;
 
     #[test]
+    #[expect(clippy::single_range_in_vec_init, reason = "a list of one range is meant")]
     fn a_branch_takes_three_flips_at_most_and_leads_both_ways() {
         let limit = 1_000_003;
         let old = [Bits::new(limit), Bits::of(limit, [5..900_000])];

@@ -142,8 +142,8 @@ struct Columns {
 
 impl Columns {
     fn new(members: &[u32], rows: &[SelectRow]) -> Self {
-        let column = |value: &dyn Fn(&SelectRow) -> f32| -> Vec<f32> {
-            members.iter().map(|&number| value(&rows[number as usize])).collect()
+        let column = |value: &(dyn Fn(&SelectRow) -> f32 + Sync)| -> Vec<f32> {
+            members.par_iter().map(|&number| value(&rows[number as usize])).collect()
         };
         Self {
             centre_high: std::array::from_fn(|axis| column(&|row| row.centre_high[axis])),

@@ -149,10 +149,7 @@ impl Renderer {
         loop {
             let used = self.share_of_caps();
             let floors = self.floors as f64 / self.granted.max(1) as f64;
-            let is_again = match used {
-                0.0 => self.squeeze.back_off(),
-                used => used > 1.0 && self.squeeze.tighten(used, floors),
-            };
+            let is_again = self.squeeze.again(used, floors, self.wishes.visible().is_empty());
             if !is_again {
                 return Ok(());
             }

@@ -124,3 +124,120 @@ impl Wants {
         weighed.sum()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::bake::{BakeOptions, BakeProgress, bake};
+
+    /// Quads of many vertices each; the first is cut into cells below a parent cell, and the others are one part in several
+    /// places.
+    fn scene() -> Scene {
+        let folder = tempfile::tempdir().unwrap();
+        let [source, container] = ["a.gltf", "a.clps"].map(|name| folder.path().join(name));
+        std::fs::write(&source, gltf(&[280, 24], &[0, 1, 1, 1, 0])).unwrap();
+        bake(&[source], &container, &BakeOptions::default(), &BakeProgress::default()).unwrap();
+        Scene::open(&container).unwrap()
+    }
+
+    /// A glTF file of square sheets of `sizes` vertices a side, of which `placed` are in the scene.
+    fn gltf(sizes: &[u32], placed: &[usize]) -> String {
+        use base64::Engine;
+        let (mut views, mut accessors, mut meshes, mut bytes) = (vec![], vec![], vec![], Vec::<u8>::new());
+        for (mesh, &n) in sizes.iter().enumerate() {
+            let at = |i: u32| [(i % n) as f32, (i / n) as f32, ((i * i) % 7) as f32 * 0.1];
+            let positions: Vec<f32> = (0..n * n).flat_map(at).collect();
+            let corner = |i: u32| (i / (n - 1)) * n + i % (n - 1);
+            let quad = |c: u32| [c, c + 1, c + n, c + 1, c + n + 1, c + n];
+            let indices: Vec<u32> = (0..(n - 1) * (n - 1)).map(corner).flat_map(quad).collect();
+            for piece in [bytemuck::cast_slice::<f32, u8>(&positions), bytemuck::cast_slice(&indices)] {
+                views.push(
+                    serde_json::json!({"buffer": 0, "byteOffset": bytes.len(), "byteLength": piece.len()}),
+                );
+                bytes.extend_from_slice(piece);
+            }
+            let most = (n - 1) as f32;
+            accessors.push(serde_json::json!({"bufferView": 2 * mesh, "componentType": 5126, "type": "VEC3",
+                "count": n * n, "min": [0.0, 0.0, 0.0], "max": [most, most, 0.6]}));
+            accessors.push(serde_json::json!({"bufferView": 2 * mesh + 1, "componentType": 5125,
+                "type": "SCALAR", "count": indices.len()}));
+            meshes.push(serde_json::json!({"primitives": [{"attributes": {"POSITION": 2 * mesh}, "indices": 2 * mesh + 1}]}));
+        }
+        let node = |(i, mesh): (usize, &usize)| serde_json::json!({"mesh": mesh, "translation": [300.0 * i as f32, 0, 0]});
+        let nodes: Vec<_> = placed.iter().enumerate().map(node).collect();
+        let data = base64::engine::general_purpose::STANDARD.encode(&bytes);
+        let uri = format!("data:application/octet-stream;base64,{data}");
+        serde_json::json!({"asset": {"version": "2.0"}, "scene": 0,
+            "scenes": [{"nodes": (0..placed.len()).collect::<Vec<_>>()}], "nodes": nodes, "meshes": meshes,
+            "accessors": accessors, "bufferViews": views,
+            "buffers": [{"uri": uri, "byteLength": bytes.len()}]})
+        .to_string()
+    }
+
+    /// What is wanted of every part, by a look at all wishes.
+    fn of_all(scene: &Scene, wishes: &[u32], px: impl Fn(u32) -> f64) -> BTreeMap<u32, (u32, f32)> {
+        let mut wanted: BTreeMap<u32, (u32, f32)> = BTreeMap::new();
+        let mut want = |instance: u32, wish: Option<u32>| {
+            let part = scene.instances()[instance as usize].part;
+            let sizes = scene.tiers(part).iter().map(|tier| tier.vertices);
+            let coarsest = sizes.len() as u32 - 1;
+            let tier = wish.map_or(coarsest, |wish| coarsest_tier_with(sizes, wish));
+            let known = wanted.entry(part).or_insert((tier, 0.0));
+            *known = (known.0.min(tier), known.1 + (px(instance) as f32).powi(3));
+        };
+        for instance in (0..wishes.len() as u32).filter(|&instance| wishes[instance as usize] > 0) {
+            want(instance, Some(wishes[instance as usize]));
+            let mut above = scene.parent_instance(instance);
+            while let Some(parent) = above {
+                want(parent, None);
+                above = scene.parent_instance(parent);
+            }
+        }
+        wanted
+    }
+
+    proptest! {
+        /// Following changes comes to what a look at all wishes finds, and tells of every part whose tier is another.
+        #[test]
+        fn following_is_a_look_at_everything(
+            steps in prop::collection::vec(prop::collection::vec((0.0..1.0f64, 0.0..1.3f64), 0..20), 1..12),
+        ) {
+            static SCENE: std::sync::OnceLock<Scene> = std::sync::OnceLock::new();
+            let scene = SCENE.get_or_init(scene);
+            let count = scene.instances().len();
+            prop_assert!(scene.has_parents() && scene.parts().len() < count);
+            let (mut wants, mut wishes) = (Wants::new(scene), vec![0; count]);
+            let mut known: BTreeMap<u32, u32> = BTreeMap::new();
+            let px = |instance: u32| f64::from(instance + 1);
+            for step in steps {
+                let mut changes = Vec::new();
+                for (instance, share) in step {
+                    let instance = (instance * count as f64) as u32;
+                    let part = &scene.parts()[scene.instances()[instance as usize].part as usize];
+                    let new = ((share - 0.3).max(0.0) * f64::from(part.vertices)) as u32;
+                    let old = std::mem::replace(&mut wishes[instance as usize], new);
+                    if old != new {
+                        changes.push(WishChange { instance, old, new });
+                    }
+                }
+                for Change { part, tier } in wants.follow(scene, &changes) {
+                    match tier {
+                        Some(tier) => known.insert(part, tier),
+                        None => known.remove(&part),
+                    };
+                }
+                let all = of_all(scene, &wishes, px);
+                let tiers: BTreeMap<u32, u32> = all.iter().map(|(&part, want)| (part, want.0)).collect();
+                prop_assert_eq!(&known, &tiers);
+                for (&part, &(_, weight)) in &all {
+                    let found = wants.weight(part, &wishes, px);
+                    prop_assert!((found - weight).abs() <= 1e-5 * weight, "{} instead of {}", found, weight);
+                }
+            }
+        }
+    }
+}

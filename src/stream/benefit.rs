@@ -9,7 +9,7 @@ use crate::geometry::record::decode_error;
 use crate::scene::Scene;
 
 /// The first thing to arrive of a part takes the place of a box: it is so many times as urgent as its error tells.
-const FIRST: f32 = 64.0;
+const FIRST: f32 = 4096.0;
 /// The most urgent requests are read in the order of the file among so many, ...
 const LEAST_WINDOW: usize = 1 << 10;
 /// ... later ones among twice as many each time, up to so many.

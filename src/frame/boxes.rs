@@ -89,7 +89,8 @@ impl Renderer {
     /// Whether a parent cell stands in for an instance.
     pub(super) fn parent_is_drawn(&self, instance: u32) -> bool {
         let above = |&instance: &u32| self.scene.parent_instance(instance);
-        std::iter::successors(self.scene.parent_instance(instance), above)
-            .any(|parent| !self.wanted[parent as usize].is_empty())
+        self.scene.has_parents()
+            && std::iter::successors(self.scene.parent_instance(instance), above)
+                .any(|parent| !self.wanted[parent as usize].is_empty())
     }
 }

@@ -6,6 +6,7 @@
 
 mod common;
 
+use std::collections::BTreeSet;
 use std::sync::{Arc, OnceLock};
 
 use collapsar::frame::{FrameError, Renderer, Settings};
@@ -236,6 +237,8 @@ fn what_comes_next_takes_only_what_is_free() {
 struct Step {
     /// Part, tier (or none), as shares of how many there are.
     changes: Vec<(f64, Option<f64>)>,
+    /// The share of the parts, from the first on, of which nothing is wanted any more.
+    dropped: f64,
     /// By part, for as many as there are.
     weights: Vec<f32>,
 }
@@ -243,8 +246,10 @@ struct Step {
 fn steps_of(parts: usize) -> impl Strategy<Value = Vec<Step>> {
     let change = (0.0..1.0f64, proptest::option::weighted(0.7, 0.0..1.0f64));
     let weights = prop::collection::vec(prop::sample::select(vec![0.0f32, 1.0, 30.0, 1e6, 2e6]), parts);
-    let step = (prop::collection::vec(change, 0..12), weights);
-    prop::collection::vec(step.prop_map(|(changes, weights)| Step { changes, weights }), 1..8)
+    let dropped = prop_oneof![3 => Just(0.0), 1 => 0.0..1.0f64];
+    let step = (prop::collection::vec(change, 0..16), dropped, weights);
+    let step = step.prop_map(|(changes, dropped, weights)| Step { changes, dropped, weights });
+    prop::collection::vec(step, 4..16)
 }
 
 /// What can be told of a residency that does not depend on who read faster.
@@ -255,7 +260,7 @@ fn told(residency: &mut Residency, parts: u32) -> (Vec<u32>, [u64; 3], bool) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 48, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
 
     /// Following what changes comes to the same as planning everything anew, under any cap: what is there, what was read and
     /// evicted for it in every step. What is told of parts without a look at them is so.
@@ -275,13 +280,20 @@ proptest! {
         let mut wanted: Vec<Option<u32>> = vec![None; parts];
         let mut weights = vec![0.0; parts];
         for step in steps {
-            let mut changes = Vec::new();
+            let mut changed = BTreeSet::new();
+            for part in 0..(step.dropped * parts as f64) as usize {
+                if wanted[part].take().is_some() {
+                    changed.insert(part);
+                }
+            }
             for (part, tier) in step.changes {
                 let part = (part * parts as f64) as usize;
                 let tiers = scene.tiers(part as u32).len() as f64;
                 wanted[part] = tier.map(|tier| (tier * tiers) as u32);
-                changes.push(Change { part: part as u32, tier: wanted[part] });
+                changed.insert(part);
             }
+            let change = |&part: &usize| Change { part: part as u32, tier: wanted[part] };
+            let changes: Vec<Change> = changed.iter().map(change).collect();
             let is_reweighed = weights != step.weights;
             weights = step.weights;
             following.follow(&changes, is_reweighed, &|part| weights[part as usize]);

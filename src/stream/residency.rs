@@ -216,7 +216,7 @@ impl Residency {
         self.ask_anew(&changes, &|part| weights.get(&part).copied().unwrap_or(0.0));
     }
 
-    /// As [`Residency::plan`], from what has changed since the last plan. `is_reweighed` says whether weights may be others
+    /// As [`Residency::plan`], from what has changed since the last plan. Each part is named once. `is_reweighed` says whether weights may be others
     /// than they were; `weigh` is asked for those of parts that lack something, or of all wanted ones under a cap that is
     /// too small for them.
     pub fn follow(&mut self, changes: &[Change], is_reweighed: bool, weigh: Weigh<'_>) {
@@ -435,7 +435,7 @@ impl Residency {
     }
 
     /// Evicts until so many bytes more would fit: first what is not wanted, longest ago first; then tiers that were not
-    /// accepted.
+    /// accepted, or are finer than what is wanted.
     fn make_room(&mut self, bytes: u64, accepted: &[(u32, u32)]) {
         let most = self.cap_bytes.saturating_sub(bytes);
         if self.bytes_held <= most {
@@ -453,7 +453,9 @@ impl Residency {
             }
             self.evict(part, self.tier_count(part));
         }
-        for &(part, tier) in accepted {
+        let is_over = self.bytes_held > most;
+        let finer = if is_over && !self.is_capped { self.kept_wanted() } else { Vec::new() };
+        for &(part, tier) in accepted.iter().chain(&finer) {
             if self.bytes_held <= most {
                 break;
             }
@@ -461,6 +463,14 @@ impl Residency {
         }
         let parts = &self.parts;
         self.held.retain(|&part| parts[part as usize].is_some());
+    }
+
+    /// The finest wanted tiers of all parts of which something is wanted and there, by part.
+    fn kept_wanted(&self) -> Vec<(u32, u32)> {
+        let wanted = |&part: &u32| (part, self.places[part as usize].wanted);
+        let mut kept: Vec<_> = self.held.iter().map(wanted).filter(|&(_, tier)| tier != NONE).collect();
+        kept.sort_unstable();
+        kept
     }
 
     /// Evicts all tiers of a part that are finer than this one.

@@ -281,8 +281,9 @@ proptest! {
         let mut weights = vec![0.0; parts];
         for step in steps {
             let mut changed = BTreeSet::new();
-            for part in 0..(step.dropped * parts as f64) as usize {
-                if wanted[part].take().is_some() {
+            let dropped = (step.dropped * parts as f64) as usize;
+            for (part, want) in wanted.iter_mut().enumerate().take(dropped) {
+                if want.take().is_some() {
                     changed.insert(part);
                 }
             }

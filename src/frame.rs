@@ -20,9 +20,12 @@ mod plan;
 mod rebuild;
 mod show;
 mod squeeze;
+mod wants;
 
 use std::sync::Arc;
 use std::time::Instant;
+
+use rayon::prelude::*;
 
 use crate::gpu::batch::Batch;
 use crate::gpu::target::{Target, TargetError};
@@ -50,6 +53,7 @@ use rebuild::Rebuild;
 use show::Looks;
 pub use show::Pick;
 use squeeze::Squeeze;
+use wants::Wants;
 
 /// Why a frame could not be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -209,7 +213,8 @@ pub struct Renderer {
     held: Vec<u32>,
     /// Those of which it holds something or shall hold something.
     touched: Vec<u32>,
-    /// Per part, its place in the list of what is wanted.
+    wants: Wants,
+    /// Per part, its place in the list of what will be wanted.
     slots: Vec<u32>,
     /// For each visible instance how long its box seems, in pixels.
     seen_px: Vec<f32>,
@@ -224,6 +229,12 @@ pub struct Renderer {
     frames_at_rest: u32,
     /// Whether the last frame left something for the next.
     pending: bool,
+    /// Whether something that was granted did not fit the last frame.
+    is_held_back: bool,
+    /// What had arrived when states were granted last, and whether they were kept where they could be.
+    basis: Option<(u64, bool)>,
+    /// Whether states were granted anew in this frame.
+    chosen: bool,
     /// Whether the last frame changed what is drawn.
     changed: bool,
     /// Whether this frame has nothing to do but to draw.
@@ -233,6 +244,7 @@ pub struct Renderer {
     bytes_of_whole: u64,
     /// What was sent of camera, boxes and looks in this frame, whatever the strategy.
     bytes_of_view: u64,
+    drawn_area_permille: u64,
     visible: u64,
     /// Instances of which less had arrived than was wished for, and vertices that were wished for, by the last choice.
     misses: u64,
@@ -280,6 +292,7 @@ impl Renderer {
             wanted: vec![State::default(); instances],
             held: Vec::new(),
             touched: Vec::new(),
+            wants: Wants::new(&scene),
             slots: vec![0; scene.parts().len()],
             seen_px: Vec::new(),
             boxes: Boxes::new(&gpu, &draw)?,
@@ -290,11 +303,15 @@ impl Renderer {
             ahead: None,
             frames_at_rest: 0,
             pending: false,
+            is_held_back: false,
+            basis: None,
+            chosen: false,
             changed: false,
             settled: false,
             frame: 0,
             bytes_of_whole: 0,
             bytes_of_view: 0,
+            drawn_area_permille: 0,
             visible: 0,
             misses: 0,
             wished: 0,
@@ -352,6 +369,7 @@ impl Renderer {
     /// Stage 1. Skipped when neither the camera nor anything else has changed for a few frames.
     fn select(&mut self, camera: &Camera, record: &mut FrameRecord) -> Result<(), FrameError> {
         let started = Instant::now();
+        self.chosen = false;
         let moved = self.view.as_ref() != Some(camera);
         self.frames_at_rest = if moved { 0 } else { self.frames_at_rest.saturating_add(1) };
         self.view = Some(*camera);
@@ -406,25 +424,18 @@ impl Renderer {
         let started = Instant::now();
         self.residency.receive()?;
         if !self.settled {
-            let wanted = self.wanted_parts(camera);
-            self.residency.plan(&wanted);
+            let has_moved = self.frames_at_rest == 0;
+            let changes = self.wishes.take_changes();
+            if has_moved || !changes.is_empty() {
+                self.see(camera);
+            }
+            self.ask(camera, has_moved, &changes);
             self.prefetch();
             if self.settings.settle {
                 self.residency.settle()?;
             }
-            let keep = self.dead_band() > 0.0;
-            let wishes = (self.wishes.get(), self.wishes.visible());
-            let choice = self.chooser.choose(&self.scene, &self.residency, wishes, keep, &mut self.wanted);
-            // What was held back and is no longer wished for is not in the chooser's hands.
-            for &instance in self.held.iter().filter(|&&instance| !self.chooser.draws(instance)) {
-                self.wanted[instance as usize] = State::default();
-            }
-            self.touched = plan::merged(&self.held, self.chooser.drawn());
-            self.visible = choice.visible.into();
-            self.pending = self.residency.is_waiting();
-            self.misses = choice.misses.into();
-            self.wished = self.wished_vertices();
-            (self.granted, self.floors) = (choice.granted, choice.floors);
+            self.choose(!changes.is_empty());
+            self.pending = self.residency.is_waiting() || self.is_held_back;
         }
         record.disk_bytes += self.residency.take_bytes_read();
         record.evicted_bytes += self.residency.take_bytes_evicted();
@@ -432,6 +443,28 @@ impl Renderer {
         record.memory_bytes = self.memory_bytes();
         record.residency_ms += milliseconds_since(started);
         Ok(())
+    }
+
+    /// Grants states, unless all is as it was when they were granted last.
+    fn choose(&mut self, have_wishes_changed: bool) {
+        let keep = self.dead_band() > 0.0;
+        let basis = (self.residency.version(), keep);
+        if !have_wishes_changed && !self.is_held_back && self.basis == Some(basis) {
+            return;
+        }
+        self.chosen = true;
+        self.basis = Some(basis);
+        let wishes = (self.wishes.get(), self.wishes.visible());
+        let choice = self.chooser.choose(&self.scene, &self.residency, wishes, keep, &mut self.wanted);
+        // What was held back and is no longer wished for is not in the chooser's hands.
+        for &instance in self.held.iter().filter(|&&instance| !self.chooser.draws(instance)) {
+            self.wanted[instance as usize] = State::default();
+        }
+        self.touched = plan::merged(&self.held, self.chooser.drawn());
+        self.visible = choice.visible.into();
+        self.misses = choice.misses.into();
+        self.wished = self.wished_vertices();
+        (self.granted, self.floors) = (choice.granted, choice.floors);
     }
 
     /// Vertices that the view asks for, whatever stands in for what has not arrived.
@@ -464,9 +497,9 @@ impl Renderer {
             batch.ensure(&self.gpu, upload.totals, upload.layout.words(), grants, sizing)?;
         }
         match (self.settings.passes, self.settings.strategy) {
-            (PassesOn::Reference | PassesOn::Nowhere, _) => {}
             (PassesOn::Gpu, Strategy::PerPart) => self.send_part_by_part(&uploads, record)?,
             (PassesOn::Gpu, _) => self.send_in_one_block(&uploads, record)?,
+            _ => {}
         }
         Ok(uploads)
     }
@@ -530,7 +563,10 @@ impl Renderer {
         record.bytes_whole = all;
         record.bytes_per_part = all;
         record.gpu_bytes = self.gpu_bytes();
-        record.drawn_area_permille = self.drawn_area_permille();
+        if self.chosen || self.changed || self.frames_at_rest == 0 {
+            self.drawn_area_permille = self.drawn_area_permille();
+        }
+        record.drawn_area_permille = self.drawn_area_permille;
         Ok(())
     }
 
@@ -557,14 +593,8 @@ impl Renderer {
     /// What is spent, and how it is sent, from the next frame on.
     pub fn set_spending(&mut self, spending: Spending) {
         let Spending { budget_vertices, alpha, error_px, strategy, upload_limit_bytes } = spending;
-        let settings = Settings {
-            budget_vertices,
-            alpha,
-            error_px,
-            strategy,
-            upload_limit_bytes,
-            ..self.settings
-        };
+        let settings =
+            Settings { budget_vertices, alpha, error_px, strategy, upload_limit_bytes, ..self.settings };
         if settings != self.settings {
             self.settings = settings;
             // As if the camera had moved.
@@ -604,7 +634,9 @@ impl Renderer {
 
     /// The rows that the draw pass needs of some instances, and after them rows whose colours are those of slots.
     fn instance_rows(&self, instances: &[u32]) -> Vec<InstanceRow> {
-        let mut rows: Vec<InstanceRow> = instances.iter().map(|&number| self.instance_row(number)).collect();
+        let scene = &self.scene;
+        let row = |&number: &u32| instance_row(scene, number);
+        let mut rows: Vec<InstanceRow> = instances.par_iter().map(row).collect();
         for (i, &number) in instances.iter().enumerate() {
             let instance = &self.scene.instances()[number as usize];
             let colours = self.scene.slot_colours(instance);
@@ -618,14 +650,14 @@ impl Renderer {
         }
         rows
     }
+}
 
-    fn instance_row(&self, number: u32) -> InstanceRow {
-        let instance = &self.scene.instances()[number as usize];
-        let part = &self.scene.parts()[instance.part as usize];
-        let placed = instance.transform();
-        InstanceRow::new(placed, part.grid(), self.scene.colour(instance), part.attributes())
-            .closed(part.closure(), placed)
-    }
+fn instance_row(scene: &Scene, number: u32) -> InstanceRow {
+    let instance = &scene.instances()[number as usize];
+    let part = &scene.parts()[instance.part as usize];
+    let placed = instance.transform();
+    InstanceRow::new(placed, part.grid(), scene.colour(instance), part.attributes())
+        .closed(part.closure(), placed)
 }
 
 pub(crate) fn milliseconds_since(started: Instant) -> f64 {

@@ -6,14 +6,16 @@
 
 mod common;
 
-use std::sync::Arc;
+use std::collections::BTreeSet;
+use std::sync::{Arc, OnceLock};
 
 use collapsar::frame::{FrameError, Renderer, Settings};
 use collapsar::gpu::{Gpu, GpuOptions, testing};
 use collapsar::scene::{Camera, CameraPath, Scene};
 use collapsar::select::SelectOn;
 use collapsar::stats::FrameRecord;
-use collapsar::stream::residency::{Residency, ResidencyOptions, Wanted};
+use collapsar::stream::residency::{Change, Residency, ResidencyOptions, Wanted};
+use proptest::prelude::*;
 
 /// The device, or `None` where the environment says that there is none.
 fn device(test: &str) -> Option<Arc<Gpu>> {
@@ -228,4 +230,93 @@ fn what_comes_next_takes_only_what_is_free() {
     capped.prefetch(&next);
     capped.settle().unwrap();
     assert!(capped.is_capped() && capped.part(11).vertices_arrived() == 0 && capped.bytes_held() <= less);
+}
+
+/// What is wanted of every part of a scene, as a view may: changed here and there from plan to plan.
+#[derive(Debug, Clone)]
+struct Step {
+    /// Part, tier (or none), as shares of how many there are.
+    changes: Vec<(f64, Option<f64>)>,
+    /// The share of the parts, from the first on, of which nothing is wanted any more.
+    dropped: f64,
+    /// By part, for as many as there are.
+    weights: Vec<f32>,
+}
+
+fn steps_of(parts: usize) -> impl Strategy<Value = Vec<Step>> {
+    let change = (0.0..1.0f64, proptest::option::weighted(0.7, 0.0..1.0f64));
+    let weights = prop::collection::vec(prop::sample::select(vec![0.0f32, 1.0, 30.0, 1e6, 2e6]), parts);
+    let dropped = prop_oneof![3 => Just(0.0), 1 => 0.0..1.0f64];
+    let step = (prop::collection::vec(change, 0..16), dropped, weights);
+    let step = step.prop_map(|(changes, dropped, weights)| Step { changes, dropped, weights });
+    prop::collection::vec(step, 4..16)
+}
+
+/// What can be told of a residency that does not depend on who read faster.
+fn told(residency: &mut Residency, parts: u32) -> (Vec<u32>, [u64; 3], bool) {
+    let arrived = (0..parts).map(|part| residency.part(part).vertices_arrived()).collect();
+    let [read, evicted] = [residency.take_bytes_read(), residency.take_bytes_evicted()];
+    (arrived, [read, evicted, residency.bytes_held()], residency.is_capped())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
+
+    /// Following what changes comes to the same as planning everything anew, under any cap: what is there, what was read and
+    /// evicted for it in every step. What is told of parts without a look at them is so.
+    #[test]
+    fn following_changes_is_planning_over_everything(steps in steps_of(40), share in 0.05..1.5f64) {
+        static SCENE: OnceLock<Arc<Scene>> = OnceLock::new();
+        let scene = SCENE.get_or_init(scene);
+        let parts = scene.parts().len();
+        let whole: Vec<Wanted> =
+            (0..parts as u32).map(|part| Wanted { part, tier: 0, weight: 1.0 }).collect();
+        let mut free = Residency::new(scene, ResidencyOptions::default());
+        free.plan(&whole);
+        free.settle().unwrap();
+        let cap = (share < 1.2).then(|| (free.bytes_held() as f64 * share) as u64);
+        let with = || Residency::new(scene, ResidencyOptions { cap_bytes: cap, read_rate: None });
+        let (mut following, mut anew) = (with(), with());
+        let mut wanted: Vec<Option<u32>> = vec![None; parts];
+        let mut weights = vec![0.0; parts];
+        for step in steps {
+            let mut changed = BTreeSet::new();
+            let dropped = (step.dropped * parts as f64) as usize;
+            for (part, want) in wanted.iter_mut().enumerate().take(dropped) {
+                if want.take().is_some() {
+                    changed.insert(part);
+                }
+            }
+            for (part, tier) in step.changes {
+                let part = (part * parts as f64) as usize;
+                let tiers = scene.tiers(part as u32).len() as f64;
+                wanted[part] = tier.map(|tier| (tier * tiers) as u32);
+                changed.insert(part);
+            }
+            let change = |&part: &usize| Change { part: part as u32, tier: wanted[part] };
+            let changes: Vec<Change> = changed.iter().map(change).collect();
+            let is_reweighed = weights != step.weights;
+            weights = step.weights;
+            following.follow(&changes, is_reweighed, &|part| weights[part as usize]);
+            let all: Vec<Wanted> = (0..parts as u32)
+                .filter_map(|part| {
+                    let weight = weights[part as usize];
+                    wanted[part as usize].map(|tier| Wanted { part, tier, weight })
+                })
+                .collect();
+            anew.plan(&all);
+            following.settle().unwrap();
+            anew.settle().unwrap();
+            prop_assert_eq!(told(&mut following, parts as u32), told(&mut anew, parts as u32));
+            prop_assert!(cap.is_none_or(|cap| following.bytes_held() <= cap));
+            for part in 0..parts as u32 {
+                let held = following.part(part);
+                prop_assert_eq!(following.vertices_arrived(part), held.vertices_arrived());
+                for tier in 0..scene.tiers(part).len() as u32 {
+                    let is_there = held.finest().is_some_and(|finest| finest <= tier);
+                    prop_assert_eq!(following.can_draw(part, tier), is_there);
+                }
+            }
+        }
+    }
 }

@@ -50,7 +50,13 @@ fn spheres_at(count: u32, start: DVec3) -> Arc<Scene> {
 }
 
 fn front(scene: &Scene) -> Camera {
-    views::fit(scene.bounds(), scene.bounds(), StandardView::Front.orientation(UpAxis::Y), Projection::Parallel, 1.0)
+    views::fit(
+        scene.bounds(),
+        scene.bounds(),
+        StandardView::Front.orientation(UpAxis::Y),
+        Projection::Parallel,
+        1.0,
+    )
 }
 
 /// Draws until nothing changes any more.
@@ -112,7 +118,8 @@ fn a_pick_finds_the_instance_and_the_point_that_a_ray_meets() {
                 misses += usize::from(found.is_none());
                 continue;
             };
-            let facing = (point - centre(instance)).dot(camera.eye - point).abs() / (camera.eye - point).length();
+            let facing =
+                (point - centre(instance)).dot(camera.eye - point).abs() / (camera.eye - point).length();
             if facing < 0.3 && camera.parallel.is_none() {
                 continue;
             }
@@ -184,7 +191,8 @@ fn sections_cut_and_close_what_they_cut_at_any_level_of_detail() {
             assert_eq!(record.streamed_triangles, 0);
             let picture = pixels(&renderer);
             for place in 0..SIZE * SIZE {
-                let (dx, dy) = (f64::from(place % SIZE) - f64::from(x), f64::from(place / SIZE) - f64::from(y));
+                let (dx, dy) =
+                    (f64::from(place % SIZE) - f64::from(x), f64::from(place / SIZE) - f64::from(y));
                 let distance = dx.hypot(dy);
                 let is_red = picture[place as usize][0] > picture[place as usize][1];
                 // A coarse sphere fills its circle only in part, but without holes.
@@ -232,7 +240,8 @@ fn a_model_far_from_the_origin_looks_the_same() {
         let camera = front(scene);
         let mut renderer = Renderer::new(Arc::clone(&gpu), Arc::clone(scene), settings()).unwrap();
         let section = Section { point: shift + DVec3::new(0.0, 0.3, 0.0), normal: DVec3::NEG_Y };
-        let style = Style { sections: vec![section], edges: Edges::Features, depth_cue: 0.6, ..Style::default() };
+        let style =
+            Style { sections: vec![section], edges: Edges::Features, depth_cue: 0.6, ..Style::default() };
         renderer.set_style(style);
         settle(&mut renderer, &camera);
         let pick = renderer.pick(pixel_of(&camera, shift + DVec3::X * 3.0)).unwrap().unwrap();
@@ -253,7 +262,11 @@ fn edges_depth_cues_and_projections_draw_what_they_say() {
     let mesh = common::patched_box(4);
     let scene = common::baked_meshes(&[mesh]);
     let camera = views::fit(
-        scene.bounds(), scene.bounds(), StandardView::Iso.orientation(UpAxis::Y), Projection::default(), 1.0,
+        scene.bounds(),
+        scene.bounds(),
+        StandardView::Iso.orientation(UpAxis::Y),
+        Projection::default(),
+        1.0,
     );
     let dark = |style: Style, camera: &Camera| {
         let mut renderer = Renderer::new(Arc::clone(&gpu), Arc::clone(&scene), settings()).unwrap();

@@ -135,12 +135,19 @@ pub fn run(arguments: &FlyArguments) -> Result<(), Failure> {
     }
     let path = CameraPath::parse(&arguments.path)?;
     let started = Instant::now();
-    let scene = Arc::new(Scene::open(&arguments.file)?);
-    let open = started.elapsed();
+    // The device is opened meanwhile; what is wrong with the container is told first.
+    let opened = std::thread::scope(|scope| {
+        let gpu = scope.spawn(|| Gpu::new(&GpuOptions::default()));
+        let scene = Scene::open(&arguments.file);
+        let open = started.elapsed();
+        (scene, open, gpu.join())
+    });
+    let (scene, open, gpu) = opened;
+    let scene = Arc::new(scene?);
     if let Some(folder) = &arguments.out {
         output::check_folder(folder)?;
     }
-    let gpu = Arc::new(Gpu::new(&GpuOptions::default())?);
+    let gpu = Arc::new(gpu.unwrap_or_else(|panic| std::panic::resume_unwind(panic))?);
     if let Some(folder) = &arguments.out {
         output::make_folder(folder)?;
     }

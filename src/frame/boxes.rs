@@ -7,6 +7,7 @@ use crate::gpu::{Gpu, GpuError};
 use crate::passes::draw::{DrawPass, InstanceRow, Look, LookRow};
 use crate::scene::Scene;
 use glam::{DAffine3, DMat3, DVec3};
+use rayon::prelude::*;
 
 /// A box that would be larger in the picture is not drawn: it would hide what is there already.
 const LARGEST_PX: f64 = 96.0;
@@ -53,7 +54,7 @@ impl Boxes {
         if instances == self.drawn {
             return Ok(0);
         }
-        let rows: Vec<InstanceRow> = instances.iter().map(|&instance| box_row(scene, instance)).collect();
+        let rows: Vec<InstanceRow> = instances.par_iter().map(|&instance| box_row(scene, instance)).collect();
         let bytes = size_of_val(rows.as_slice()) as u64;
         if bytes > self.rows.size() {
             self.rows = gpu.storage("box rows", bytes + bytes / 4)?;
@@ -91,7 +92,7 @@ impl Renderer {
         let small = visible.filter(|&(&instance, &px)| {
             let part = self.scene.instances()[instance as usize].part;
             f64::from(px) <= LARGEST_PX
-                && self.residency.part(part).vertices_arrived() == 0
+                && self.residency.vertices_arrived(part) == 0
                 && !self.parent_is_drawn(instance)
         });
         let instances = small.map(|(&instance, _)| instance).take(MOST).collect();
@@ -101,7 +102,8 @@ impl Renderer {
     /// Whether a parent cell stands in for an instance.
     pub(super) fn parent_is_drawn(&self, instance: u32) -> bool {
         let above = |&instance: &u32| self.scene.parent_instance(instance);
-        std::iter::successors(self.scene.parent_instance(instance), above)
-            .any(|parent| !self.wanted[parent as usize].is_empty())
+        self.scene.has_parents()
+            && std::iter::successors(self.scene.parent_instance(instance), above)
+                .any(|parent| !self.wanted[parent as usize].is_empty())
     }
 }

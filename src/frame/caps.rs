@@ -1,6 +1,6 @@
 //! The caps on memory of the host and of the GPU: what they leave for chunks and for what is drawn, and how they are kept.
 
-use super::{FrameError, Renderer};
+use super::{FrameError, Renderer, wants};
 use crate::container::PartRow;
 use crate::gpu::batch::{Batch, Sizing, drawn_bytes};
 use crate::gpu::layout::SelectRow;
@@ -10,18 +10,20 @@ use crate::stats::FrameRecord;
 use crate::stream::State;
 use crate::stream::delta::{ECOL_BYTES, TRIANGLE_BYTES, VERTEX_BYTES};
 use crate::stream::gather::StreamedLayout;
+use crate::stream::residency;
 use crate::stream::residency::ResidencyOptions;
-use crate::stream::staging::LEAST_SLOT_BYTES;
+use crate::stream::staging::{LEAST_SLOT_BYTES, SLOTS};
 
 /// Bytes of memory for each instance beside the tables: two states, its wish and what was granted, its row for selection,
 /// and what is tested of it in the order of the groups (`select/cull.rs`).
-const BYTES_PER_INSTANCE: u64 = 2 * size_of::<State>() as u64 + 24 + size_of::<SelectRow>() as u64 + 36;
-/// Bytes of memory for each part beside the tables: what is held of it, when it was wanted, its place in a list.
-const BYTES_PER_PART: u64 = 16;
+const BYTES_PER_INSTANCE: u64 =
+    2 * size_of::<State>() as u64 + 28 + size_of::<SelectRow>() as u64 + 36 + wants::BYTES_PER_INSTANCE;
+/// Bytes of memory for each part beside the tables: what is wanted and held of it, and its places in lists.
+const BYTES_PER_PART: u64 = residency::BYTES_PER_PART + wants::BYTES_PER_PART + 8;
+/// Bytes of memory for each chunk beside the tables: who needs it, and whether it is asked for.
+const BYTES_PER_CHUNK: u64 = wants::BYTES_PER_CHUNK + 1;
 /// Under a cap on GPU memory a frame sends so much of it at most.
 const UPLOAD_SHARE: u64 = 32;
-/// Copies of what is sent in a frame: the slots of the staging ring.
-const STAGING_SLOTS: u64 = 3;
 /// The budget may be missed by so much, by rounding to states.
 const BUDGET_SLACK: f64 = 1.02;
 
@@ -51,6 +53,12 @@ fn fixed_bytes(scene: &Scene) -> u64 {
     scene.bytes_held()
         + scene.instances().len() as u64 * BYTES_PER_INSTANCE
         + scene.parts().len() as u64 * BYTES_PER_PART
+        + scene.chunk_count() as u64 * BYTES_PER_CHUNK
+}
+
+/// Bytes of the staging ring, once so much was sent in a frame.
+fn ring_bytes(most_sent: u64) -> u64 {
+    SLOTS as u64 * most_sent.next_power_of_two()
 }
 
 /// Bytes of the largest part, all of it sent.
@@ -92,13 +100,17 @@ impl Renderer {
 
     /// GPU memory that does not depend on what is drawn, with the room that transfers may come to need.
     fn fixed_gpu_bytes(&self) -> u64 {
-        self.unchanging_gpu_bytes() + STAGING_SLOTS * self.most_sent().next_power_of_two()
+        self.unchanging_gpu_bytes() + ring_bytes(self.most_sent())
     }
 
     /// The most bytes that a frame sends under the caps: one part goes in any case.
     fn most_sent(&self) -> u64 {
-        let least = LEAST_SLOT_BYTES.max(self.largest_part_bytes);
-        self.upload_limit_bytes().unwrap_or(0).max(least)
+        self.upload_limit_bytes().unwrap_or(0).max(self.least_sent())
+    }
+
+    /// What a frame must be able to send whatever the caps.
+    fn least_sent(&self) -> u64 {
+        LEAST_SLOT_BYTES.max(self.largest_part_bytes)
     }
 
     fn unchanging_gpu_bytes(&self) -> u64 {
@@ -114,8 +126,7 @@ impl Renderer {
         let sizing = self.sizing();
         let most_words = self.upload_limit_bytes().map_or(u64::MAX, |_| self.most_sent() / 4);
         let of_batch = |totals: [u64; 3]| {
-            let [vertices, ecol, triangles] = totals;
-            let words = StreamedLayout { vertices, ecol, triangles }.words().min(most_words);
+            let words = StreamedLayout::of_totals(totals).words().min(most_words);
             drawn_bytes(sizing, totals, words, self.touched.len() as u64 / self.batches.len() as u64 + 1)
         };
         self.totals().into_iter().map(of_batch).sum()
@@ -129,8 +140,7 @@ impl Renderer {
         if let Some(cap_bytes) = self.settings.gpu_limit_bytes {
             // Enough for a part or two, so that a picture is possible; the ring takes up to 3 of 16 parts of the cap.
             let unchanging = self.unchanging_gpu_bytes() + (1 << 16);
-            let least_ring =
-                STAGING_SLOTS * LEAST_SLOT_BYTES.max(self.largest_part_bytes).next_power_of_two();
+            let least_ring = ring_bytes(self.least_sent());
             let need_bytes = (unchanging * 16 / 13).max(unchanging + least_ring + self.largest_part_bytes);
             if cap_bytes < need_bytes {
                 return Err(FrameError::CapTooSmall { what: "GPU memory", cap_bytes, need_bytes });
@@ -139,10 +149,7 @@ impl Renderer {
         loop {
             let used = self.share_of_caps();
             let floors = self.floors as f64 / self.granted.max(1) as f64;
-            let is_again = match used {
-                0.0 => self.squeeze.back_off(),
-                used => used > 1.0 && self.squeeze.tighten(used, floors),
-            };
+            let is_again = self.squeeze.again(used, floors, self.wishes.visible().is_empty());
             if !is_again {
                 return Ok(());
             }

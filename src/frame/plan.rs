@@ -3,16 +3,20 @@
 use std::ops::Range;
 use std::time::Instant;
 
+use rayon::prelude::*;
+
 use super::{DRAW_BYTES, FrameError, PassesOn, Renderer, milliseconds_since};
 use crate::gpu::batch::{Batch, STREAMS, fits};
 use crate::gpu::layout::Grant;
 use crate::scene::{Camera, InstanceBox};
-use crate::select::states::coarsest_tier_with;
+use crate::select::WishChange;
 use crate::stats::FrameRecord;
 use crate::stream::gather::{BatchUpload, StreamedLayout};
 use crate::stream::residency::Wanted;
 use crate::stream::{Delta, State, Strategy};
 
+/// A thread looks at no fewer instances, as waiting for threads would take longer.
+const LEAST_SHARE: usize = 4096;
 /// Streamed and active bytes that a budgeted vertex takes in the largest buffer, about: 12 for itself, 8 for its share
 /// of `ecol`, 16 for two triangles.
 const BYTES_PER_VERTEX: u64 = 40;
@@ -57,48 +61,39 @@ impl Renderer {
         Ok(())
     }
 
-    /// What the view wants of every part: the tier that its largest wish needs, and of the parent cells of what is
-    /// wished for, which stand in until that has arrived, the coarsest.
-    pub(super) fn wanted_parts(&mut self, camera: &Camera) -> Vec<Wanted> {
-        let (instances, boxes) = (self.scene.instances(), self.scene.boxes());
+    /// How long the boxes of all visible instances seem.
+    pub(super) fn see(&mut self, camera: &Camera) {
         let focal_px = f64::from(camera.focal_px(self.settings.height));
-        let mut wanted: Vec<Wanted> = Vec::new();
-        let mut seen_px = std::mem::take(&mut self.seen_px);
-        seen_px.clear();
-        let mut want = |slots: &mut [u32], instance: u32, wish: Option<u32>| {
-            let part = instances[instance as usize].part;
-            let tiers = self.scene.tiers(part);
-            let coarsest = tiers.len().saturating_sub(1) as u32;
-            let sizes = tiers.iter().map(|tier| tier.vertices);
-            let tier = wish.map_or(coarsest, |wish| coarsest_tier_with(sizes, wish));
-            let px = diagonal_px(&boxes[instance as usize], camera, focal_px) as f32;
-            let weight = px.powi(3);
-            add_wanted(&mut wanted, slots, Wanted { part, tier, weight });
-            px
-        };
-        for &instance in self.wishes.visible() {
-            let wish = self.wishes.get()[instance as usize];
-            seen_px.push(want(&mut self.slots, instance, Some(wish)));
-            let mut above = self.scene.parent_instance(instance);
-            while let Some(parent) = above {
-                want(&mut self.slots, parent, None);
-                above = self.scene.parent_instance(parent);
-            }
-        }
-        self.seen_px = seen_px;
-        wanted
+        let boxes = self.scene.boxes();
+        let visible = self.wishes.visible().par_iter().with_min_len(LEAST_SHARE);
+        let px = |&instance: &u32| diagonal_px(&boxes[instance as usize], camera, focal_px) as f32;
+        visible.map(px).collect_into_vec(&mut self.seen_px);
+    }
+
+    /// Asks for what the view wants, as far as that is not what it wanted before.
+    pub(super) fn ask(&mut self, camera: &Camera, has_moved: bool, changes: &[WishChange]) {
+        let (scene, wishes) = (&self.scene, self.wishes.get());
+        let changes = self.wants.follow(scene, changes);
+        let wants = &self.wants;
+        let focal_px = f64::from(camera.focal_px(self.settings.height));
+        let px = |instance: u32| diagonal_px(&scene.boxes()[instance as usize], camera, focal_px);
+        let weigh = |part: u32| wants.weight(part, wishes, px);
+        self.residency.follow(&changes, has_moved, &weigh);
     }
 
     /// Stage 3: the deltas of every batch, in the order of its instances. Instances whose delta no longer fits the
     /// cap keep what they have until the next frame.
     pub(super) fn delta(&mut self, record: &mut FrameRecord) -> Result<Vec<Vec<Delta>>, FrameError> {
-        if self.settled {
+        // What the last frame took away is counted as sent until the next.
+        let is_idle = !self.chosen && !self.changed;
+        self.changed = false;
+        if self.settled || is_idle {
             return Ok(vec![Vec::new(); self.batches.len()]);
         }
         let started = Instant::now();
         self.deal_again_if_a_batch_overflows()?;
         self.hold_back_what_exceeds_the_cap();
-        self.bytes_of_whole = self.everything().iter().map(|deltas| bytes_of_all(deltas)).sum();
+        self.bytes_of_whole = self.bytes_of_everything();
         let deltas = self.deltas_by_batch(|delta| delta.old != delta.new);
         self.changed = deltas.iter().any(|deltas| !deltas.is_empty());
         record.delta_ms = milliseconds_since(started);
@@ -125,8 +120,23 @@ impl Renderer {
         self.deltas_by_batch(|delta| !(delta.old.is_empty() && delta.new.is_empty()))
     }
 
+    /// What `whole` sends: all records of what is drawn, a grant for what is or was, and for every batch of which there is
+    /// any the arguments of the draw.
+    fn bytes_of_everything(&self) -> u64 {
+        let mut bytes = vec![0; self.batches.len()];
+        for &instance in &self.touched {
+            let (old, new) = (self.states[instance as usize], self.wanted[instance as usize]);
+            if !(old.is_empty() && new.is_empty()) {
+                let records = Delta { instance, old, new }.lack(Strategy::Whole).bytes();
+                bytes[instance as usize % self.batches.len()] += records + size_of::<Grant>() as u64;
+            }
+        }
+        bytes.into_iter().filter(|&bytes| bytes > 0).map(|bytes| bytes + DRAW_BYTES).sum()
+    }
+
     /// The cap is on deltas whatever the strategy, so that all strategies draw the same.
     fn hold_back_what_exceeds_the_cap(&mut self) {
+        self.is_held_back = false;
         let Some(cap) = self.upload_limit_bytes() else { return };
         let mut growing = self.growing_placements();
         // What is not drawn at all comes first, then what is cheap; but in every other frame what is dearest, so that
@@ -141,7 +151,7 @@ impl Renderer {
             // The first goes whatever it takes: a cap below one part must not starve it.
             if spent > cap && i > 0 && self.can_stay(&placement) {
                 self.wanted[placement.clone()].copy_from_slice(&self.states[placement]);
-                self.pending = true;
+                (self.is_held_back, self.pending) = (true, true);
             }
         }
     }
@@ -212,6 +222,9 @@ impl Renderer {
 
     /// What every batch is sent under the strategy: its deltas, or all of it in every frame, as in the paper.
     pub(super) fn plan_uploads(&mut self, deltas: &[Vec<Delta>]) -> Vec<BatchUpload> {
+        if self.settings.strategy == Strategy::Coherent && deltas.iter().all(Vec::is_empty) {
+            return vec![BatchUpload::default(); self.batches.len()];
+        }
         let totals = self.totals();
         let uploads = match self.settings.strategy {
             Strategy::Coherent => self.uploads_of(deltas, &totals),
@@ -245,16 +258,7 @@ impl Renderer {
 }
 
 fn fits_batch(limit: u64, totals: [u64; STREAMS]) -> bool {
-    let [vertices, ecol, triangles] = totals;
-    fits(limit, totals, StreamedLayout { vertices, ecol, triangles }.words())
-}
-
-/// What `whole` sends of a batch: all records of what is drawn, a grant for what is or was, and the arguments of the draw
-/// if there is any.
-fn bytes_of_all(all: &[Delta]) -> u64 {
-    let records: u64 = all.iter().map(|delta| delta.lack(Strategy::Whole).bytes()).sum();
-    let draw = if all.is_empty() { 0 } else { DRAW_BYTES };
-    records + draw + (all.len() * size_of::<Grant>()) as u64
+    fits(limit, totals, StreamedLayout::of_totals(totals).words())
 }
 
 /// Adds what one instance wants of its part to what others do; `slots` has for every part where in the list it may be.

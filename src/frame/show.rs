@@ -56,7 +56,8 @@ impl Renderer {
     pub(super) fn draw(&mut self, camera: &Camera, record: &mut FrameRecord) -> Result<(), FrameError> {
         let started = Instant::now();
         self.shown = Some(*camera);
-        self.bytes_of_view = if self.settled { 0 } else { self.place_boxes()? };
+        let has_new_boxes = self.chosen || self.frames_at_rest == 0;
+        self.bytes_of_view = if has_new_boxes { self.place_boxes()? } else { 0 };
         self.bytes_of_view += self.send_looks();
         record.boxes = self.boxes.count();
         self.bytes_of_view += self.send_uniform(camera);

@@ -60,9 +60,18 @@ impl Squeeze {
         }
     }
 
+    /// After a choice: whether to choose again, with other shares. Where something is visible, a choice of nothing is one of
+    /// which nothing has arrived, and no least size brings it.
+    pub fn again(&mut self, used: f64, floors: f64, sees_nothing: bool) -> bool {
+        match used {
+            0.0 => sees_nothing && self.back_off(),
+            used => used > 1.0 && self.tighten(used, floors),
+        }
+    }
+
     /// After a choice that was above the caps, `used` times what may be, of which the coarsest states of all that is
     /// visible are `floors`: tightens for another. `false` if all has been tried.
-    pub fn tighten(&mut self, used: f64, floors: f64) -> bool {
+    fn tighten(&mut self, used: f64, floors: f64) -> bool {
         self.tries += 1;
         // Floors do not shrink with the budget.
         if floors * used < FLOORS && self.share > LEAST_SHARE {
@@ -76,7 +85,7 @@ impl Squeeze {
 
     /// After a choice of nothing at all: goes half the way back to the last least size that was too small. `false` if
     /// there is no way back, or all has been tried.
-    pub fn back_off(&mut self) -> bool {
+    fn back_off(&mut self) -> bool {
         self.tries += 1;
         if self.least_area_px <= 1.001 * self.too_small_px {
             return false;
@@ -122,5 +131,16 @@ mod tests {
         assert_eq!((squeeze.share, squeeze.least_area_px), (tight.share, tight.least_area_px));
         (0..500).for_each(|_| squeeze.begin(0.1, true));
         assert_eq!((squeeze.share, squeeze.least_area_px), (1.0, PIXEL));
+    }
+
+    #[test]
+    fn what_has_not_arrived_is_no_reason_for_another_least_size() {
+        let (tight, _) = settled(1e6, 50.0);
+        assert!(tight.least_area_px > tight.too_small_px);
+        let mut squeeze = Squeeze { tries: 0, ..tight };
+        assert!(!squeeze.again(0.0, 0.0, false));
+        assert_eq!(squeeze, Squeeze { tries: 0, ..tight });
+        // Where there is nothing to be seen, the least size may be what hides it.
+        assert!(squeeze.again(0.0, 0.0, true) && squeeze.least_area_px < tight.least_area_px);
     }
 }

@@ -139,9 +139,8 @@ impl Gpu {
         window: impl Into<wgpu::SurfaceTarget<'static>>,
     ) -> Result<(Self, wgpu::Surface<'static>), GpuError> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_with_display_handle(display));
-        let surface = instance
-            .create_surface(window)
-            .map_err(|error| GpuError::Surface(error.to_string()))?;
+        let surface =
+            instance.create_surface(window).map_err(|error| GpuError::Surface(error.to_string()))?;
         let gpu = pollster::block_on(Self::open(instance, options, Some(&surface)))?;
         Ok((gpu, surface))
     }

@@ -52,8 +52,7 @@ pub fn read_texture(gpu: &Gpu, texture: &wgpu::Texture) -> Result<Vec<u8>, GpuEr
     let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
     let staging = gpu.buffer("texture readback", size, usage)?;
     let mut encoder = gpu.encoder("texture readback");
-    let layout =
-        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
+    let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
     let to = wgpu::TexelCopyBufferInfo { buffer: &staging, layout };
     encoder.copy_texture_to_buffer(texture.as_image_copy(), to, texture.size());
     gpu.submit(encoder)?;

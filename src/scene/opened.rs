@@ -7,6 +7,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec3};
+use rayon::prelude::*;
 
 use super::bounds::Bounds;
 use super::file::PayloadFile;
@@ -90,7 +91,7 @@ impl Scene {
         let (all, rows) = (container.parts(), container.instances());
         let colours = container.materials().iter().map(|material| material.base_colour).collect();
         let boxes: Vec<InstanceBox> =
-            rows.iter().map(|instance| instance_box(&all[instance.part as usize], instance)).collect();
+            rows.par_iter().map(|instance| instance_box(&all[instance.part as usize], instance)).collect();
         let bounds = boxes.iter().fold(Bounds::EMPTY, |bounds, b| {
             bounds.with_point(b.centre - b.half_extent).with_point(b.centre + b.half_extent)
         });
@@ -234,15 +235,54 @@ impl Scene {
     /// # Errors
     /// The chunk is damaged, or the file has become shorter.
     pub fn read_chunk(&self, part: u32, tier: u32) -> Result<Chunk, ContainerError> {
-        let spec = ChunkSpec::new(part, &self.parts()[part as usize], self.tiers(part), tier as usize);
-        Chunk::read(spec, |bytes| {
-            self.file.read_at(bytes, spec.row.offset).map_err(|cause| match cause.kind() {
-                io::ErrorKind::UnexpectedEof => ContainerError::CutShort,
-                _ => ContainerError::Read { cause },
-            })
+        let spec = self.chunk_spec(part, tier);
+        Chunk::read(spec, |bytes| self.read_bytes(bytes, spec.row.offset))
+    }
+
+    /// Checks a chunk whose bytes were read before, together with others; there may be more bytes behind it.
+    ///
+    /// # Errors
+    /// The chunk is damaged.
+    pub(crate) fn chunk_of(&self, part: u32, tier: u32, read: &[u8]) -> Result<Chunk, ContainerError> {
+        Chunk::read(self.chunk_spec(part, tier), |bytes| {
+            bytes.copy_from_slice(read.get(..bytes.len()).ok_or(ContainerError::CutShort)?);
+            Ok(())
         })
     }
+
+    /// Reads bytes of the file; may wait for the disk.
+    ///
+    /// # Errors
+    /// The file has become shorter; what the system refuses.
+    pub(crate) fn read_bytes(&self, bytes: &mut [u8], offset: u64) -> Result<(), ContainerError> {
+        self.file.read_at(bytes, offset).map_err(|cause| match cause.kind() {
+            io::ErrorKind::UnexpectedEof => ContainerError::CutShort,
+            _ => ContainerError::Read { cause },
+        })
+    }
+
+    fn chunk_spec(&self, part: u32, tier: u32) -> ChunkSpec {
+        ChunkSpec::new(part, &self.parts()[part as usize], self.tiers(part), tier as usize)
+    }
+
+    /// Where a chunk lies in the file.
+    pub(crate) fn chunk_range(&self, part: u32, tier: u32) -> Range<u64> {
+        self.chunk_spec(part, tier).range()
+    }
+
+    /// How many chunks there are.
+    pub(crate) fn chunk_count(&self) -> usize {
+        self.rows::<ChunkRow>(&self.chunks).len()
+    }
+
+    /// The number of a chunk among all.
+    pub(crate) fn chunk_number(&self, part: u32, tier: u32) -> usize {
+        self.parts()[part as usize].first_chunk as usize + tier as usize
+    }
 }
+
+/// Tables are read in pieces of so many bytes, on all cores.
+const READ_BYTES: usize = 1 << 22;
 
 /// Everything before the payload of a file, as far as its first bytes tell where that starts.
 fn read_tables(file: &PayloadFile) -> Result<Vec<u64>, SceneError> {
@@ -256,11 +296,15 @@ fn read_tables(file: &PayloadFile) -> Result<Vec<u64>, SceneError> {
     let mut words = vec![0u64; start.div_ceil(8)];
     file.read_at(&mut bytemuck::cast_slice_mut(&mut words)[..start], 0).map_err(io)?;
     let bytes = Container::table_bytes(&bytemuck::cast_slice(&words)[..start], file.bytes()).map_err(wrap)?;
-    let mut words = Vec::new();
+    let mut words: Vec<u64> = Vec::new();
     // At most the file itself, which is more than memory only if somebody made it so.
     words.try_reserve_exact(bytes.div_ceil(8)).map_err(|cause| io(io::Error::other(cause)))?;
-    words.resize(bytes.div_ceil(8), 0u64);
-    file.read_at(&mut bytemuck::cast_slice_mut(&mut words)[..bytes], 0).map_err(io)?;
+    drop(words);
+    // Zeroed by the system, page by page as it is read into.
+    let mut words = vec![0u64; bytes.div_ceil(8)];
+    let table = &mut bytemuck::cast_slice_mut(&mut words)[..bytes];
+    let pieces = table.par_chunks_mut(READ_BYTES).enumerate();
+    pieces.try_for_each(|(piece, bytes)| file.read_at(bytes, (piece * READ_BYTES) as u64)).map_err(io)?;
     Ok(words)
 }
 

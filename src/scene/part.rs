@@ -87,6 +87,15 @@ impl ResidentPart {
         }
     }
 
+    /// Takes in all chunks of the same part that arrived elsewhere.
+    pub fn arrive_all(&mut self, other: Self) {
+        for (tier, chunk) in (0..).zip(other.chunks) {
+            if let Some(chunk) = chunk {
+                self.arrive(tier, chunk);
+            }
+        }
+    }
+
     /// Drops the chunks of all tiers finer than this one.
     pub fn keep_from(&mut self, finest: u32) {
         let finest = finest as usize;

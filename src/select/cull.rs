@@ -148,14 +148,16 @@ struct Columns {
 
 impl Columns {
     fn new(members: &[u32], rows: &[SelectRow]) -> Self {
-        let column = |value: &dyn Fn(&SelectRow) -> f32| -> Vec<f32> {
-            members.iter().map(|&number| value(&rows[number as usize])).collect()
+        // Rows lie anywhere: each is gone to once.
+        let numbers = |&number: &u32| {
+            let row = &rows[number as usize];
+            [row.centre_high, row.centre_low, row.half_extent]
         };
-        Self {
-            centre_high: std::array::from_fn(|axis| column(&|row| row.centre_high[axis])),
-            centre_low: std::array::from_fn(|axis| column(&|row| row.centre_low[axis])),
-            half_extent: std::array::from_fn(|axis| column(&|row| row.half_extent[axis])),
-        }
+        let gathered: Vec<[[f32; 3]; 3]> = members.par_iter().map(numbers).collect();
+        let columns = |of: usize| {
+            std::array::from_fn(|axis| gathered.par_iter().map(|numbers| numbers[of][axis]).collect())
+        };
+        Self { centre_high: columns(0), centre_low: columns(1), half_extent: columns(2) }
     }
 
     /// Whether each member of a range of at most [`BLOCK`] is culled; `reference::select::is_culled`, operation by

@@ -12,4 +12,4 @@ pub mod wish;
 
 pub use on_gpu::{Found, GpuSelect};
 pub use states::StateChooser;
-pub use wish::{SelectOn, Wishes, select_row, select_rows};
+pub use wish::{SelectOn, WishChange, Wishes, select_row, select_rows};

@@ -18,7 +18,7 @@ pub struct StandIn {
 /// Replaces cells that cannot be drawn by a parent that can.
 pub fn stand_in(scene: &Scene, residency: &Residency, wishes: &[u32], visible: &[u32]) -> StandIn {
     let instances = scene.instances();
-    let arrived = |instance: usize| residency.part(instances[instance].part).vertices_arrived() > 0;
+    let arrived = |instance: usize| residency.vertices_arrived(instances[instance].part) > 0;
     if !scene.has_parents() || visible.iter().all(|&instance| arrived(instance as usize)) {
         return StandIn::default();
     }

@@ -19,6 +19,8 @@ pub struct StateChooser {
     granted: Vec<u32>,
     /// As much of the wishes as had arrived.
     within: Vec<u32>,
+    /// The greatest state that is at most that.
+    rounded: Vec<u32>,
     /// The instances that were granted something, ascending.
     drawn: Vec<u32>,
 }
@@ -43,8 +45,6 @@ struct Item {
     instance: u32,
     part: u32,
     wish: u32,
-    /// As much of the wish as has arrived.
-    within: u32,
     count: u32,
 }
 
@@ -67,23 +67,29 @@ impl StateChooser {
         self.granted.resize(wishes.len(), 0);
         self.wishes.resize(wishes.len(), 0);
         self.within.resize(wishes.len(), 0);
+        self.rounded.resize(wishes.len(), 0);
         let mut choice = Choice { misses: stand_in.replaced, ..Choice::default() };
         let mut left = 0i64;
         let mut items: Vec<Item> = Vec::with_capacity(visible.len());
         for &instance in visible {
             let (i, wish) = (instance as usize, wishes[instance as usize]);
             let part = instances[i].part;
-            let held = residency.part(part);
-            let within = wish.min(held.vertices_arrived());
+            let arrived = residency.vertices_arrived(part);
+            let within = wish.min(arrived);
             choice.misses += u32::from(within < wish);
             let is_as_before = keep && (self.wishes[i], self.within[i]) == (wish, within);
-            let count = match is_as_before && self.granted[i] <= held.vertices_arrived() {
+            if self.within[i] != within {
+                // All else is as it was: the vertices that have arrived are always the same ones.
+                self.within[i] = within;
+                self.rounded[i] = residency.part(part).triangles_at().state_at_most(within as usize) as u32;
+            }
+            let count = match is_as_before && self.granted[i] <= arrived {
                 true => self.granted[i],
-                false => held.triangles_at().state_at_most(within as usize) as u32,
+                false => self.rounded[i],
             };
             left += i64::from(within) - i64::from(count);
             choice.wished += u64::from(wish.min(parts[part as usize].vertices));
-            items.push(Item { instance, part, wish, within, count });
+            items.push(Item { instance, part, wish, count });
         }
         lower_kept(residency, &mut items, &mut left);
         raise_rounded(residency, &mut items, &mut left);
@@ -119,7 +125,7 @@ impl StateChooser {
             }
             before.next_if_eq(&item.instance);
             states[i] = state_of(scene, residency, item.part, item.count, states[i]);
-            (self.wishes[i], self.within[i]) = (item.wish, item.within);
+            self.wishes[i] = item.wish;
             self.granted[i] = item.count;
             self.drawn.push(item.instance);
         }
@@ -166,6 +172,10 @@ fn raise_rounded(residency: &Residency, items: &mut [Item], left: &mut i64) {
 fn state_of(scene: &Scene, residency: &Residency, part: u32, vn: u32, old: State) -> State {
     if vn == 0 {
         return State::default();
+    }
+    // Nothing but an eviction takes the same count to another tier.
+    if vn == old.vertices && residency.can_draw(part, old.tier) {
+        return old;
     }
     let sizes = scene.tiers(part);
     let coarsest = coarsest_tier_with(sizes.iter().map(|tier| tier.vertices), vn);

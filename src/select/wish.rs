@@ -4,6 +4,8 @@
 //! rows, candidates and uniform serve the GPU pass and the CPU. Only candidates are looked at and only wishes that were above
 //! 0 are cleared, so that a frame costs what its view shows.
 
+use rayon::prelude::*;
+
 use super::cull::Cull;
 use super::on_gpu::GpuSelect;
 use super::spend::spend;
@@ -34,11 +36,23 @@ impl SelectOn {
     }
 }
 
+/// A wish that is another than it was.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct WishChange {
+    /// The instance.
+    pub instance: u32,
+    /// What it wished.
+    pub old: u32,
+    /// What it wishes.
+    pub new: u32,
+}
+
 /// The rows of all instances, and the wishes of the last frame.
 pub struct Wishes {
     rows: Vec<SelectRow>,
     wishes: Vec<u32>,
     visible: Vec<u32>,
+    changes: Vec<WishChange>,
     cull: Cull,
     gpu: Option<GpuSelect>,
 }
@@ -64,7 +78,7 @@ impl Wishes {
             SelectOn::Cpu => None,
         };
         let cull = Cull::new(scene.groups(), &rows);
-        Ok(Self { rows, wishes, visible: Vec::new(), cull, gpu })
+        Ok(Self { rows, wishes, visible: Vec::new(), changes: Vec::new(), cull, gpu })
     }
 
     /// The wishes of the last [`Wishes::update`], one an instance; 0 for a culled one.
@@ -75,6 +89,12 @@ impl Wishes {
     /// The instances with a wish above 0, ascending.
     pub fn visible(&self) -> &[u32] {
         &self.visible
+    }
+
+    /// The instances that a view does not cull, ascending; wishes stay as they are.
+    pub fn in_view(&mut self, scene: &Scene, view: &SelectView) -> Vec<u32> {
+        let params = view.params(self.rows.len() as u32);
+        self.cull.find(scene.groups(), &params).to_vec()
     }
 
     /// Computes the wishes for a view of the scene that this was made for; the last ones are what its dead band holds on to.
@@ -119,14 +139,30 @@ impl Wishes {
         Ok(is_late)
     }
 
+    /// What has changed since this was last called, in the order in which it did.
+    pub fn take_changes(&mut self) -> Vec<WishChange> {
+        std::mem::take(&mut self.changes)
+    }
+
     /// Sets the wishes of these instances, ascending; all others are 0.
     fn set(&mut self, instances: &[u32], wishes: &[u32]) {
-        for instance in self.visible.drain(..) {
-            self.wishes[instance as usize] = 0;
-        }
+        let before = std::mem::take(&mut self.visible);
+        let mut before = before.into_iter().peekable();
         for (&instance, &wish) in instances.iter().zip(wishes).filter(|&(_, &wish)| wish > 0) {
-            self.wishes[instance as usize] = wish;
+            while let Some(gone) = before.next_if(|&gone| gone < instance) {
+                self.change(gone, 0);
+            }
+            before.next_if_eq(&instance);
+            self.change(instance, wish);
             self.visible.push(instance);
+        }
+        before.for_each(|gone| self.change(gone, 0));
+    }
+
+    fn change(&mut self, instance: u32, new: u32) {
+        let old = std::mem::replace(&mut self.wishes[instance as usize], new);
+        if old != new {
+            self.changes.push(WishChange { instance, old, new });
         }
     }
 
@@ -138,10 +174,10 @@ impl Wishes {
 
 /// What selection knows of every instance of a scene, in order.
 pub fn select_rows(scene: &Scene) -> Vec<SelectRow> {
-    let instances = scene.instances().iter().zip(scene.boxes()).zip(0..);
+    let instances = scene.instances().par_iter().zip(scene.boxes()).enumerate();
     instances
-        .map(|((instance, bounds), number)| {
-            select_row(&scene.parts()[instance.part as usize], bounds, scene.parent_instance(number))
+        .map(|(number, (instance, bounds))| {
+            select_row(&scene.parts()[instance.part as usize], bounds, scene.parent_instance(number as u32))
         })
         .collect()
 }

@@ -40,6 +40,11 @@ pub struct StreamedLayout {
 }
 
 impl StreamedLayout {
+    /// Of everything that is active, as for a batch that is sent as a whole.
+    pub fn of_totals([vertices, ecol, triangles]: [u64; STREAMS]) -> Self {
+        Self { vertices, ecol, triangles }
+    }
+
     /// Where the `ecol` entries start, in words.
     pub fn ecol_base(self) -> u64 {
         3 * self.vertices

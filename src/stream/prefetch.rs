@@ -1,29 +1,22 @@
-//! The way of the camera in, what it will see next out, so that it can be read before it is wanted.
+//! The way of the camera in, where it will be out, so that what it will see there can be read before it is wanted.
 //!
 //! Where the camera will be is taken from how it moved in the last moments, by the clock and not by frames. What is in
-//! view there and is not wanted yet is asked for after everything that is, and only into memory that nothing else needs.
+//! view there and is not wanted yet (`frame/ahead.rs`) is asked for after everything that is, and only into memory that
+//! nothing else needs.
 
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-use glam::{DQuat, DVec3, Vec4};
-use rayon::prelude::*;
+use glam::DQuat;
 
-use crate::scene::{Camera, InstanceBox};
+use crate::scene::Camera;
 
 /// So far it looks ahead.
 const AHEAD: Duration = Duration::from_millis(500);
 /// Its motion is that since so long ago.
 const MEMORY: Duration = Duration::from_millis(250);
-/// More instances than these are not looked through.
-const MOST_INSTANCES: usize = 100_000;
-/// A thread takes no fewer of them, as waiting for threads would take longer.
-const LEAST_SHARE: usize = 8192;
 /// A camera that turns faster than this in the time that it looks ahead looks no further ahead.
 const MOST_TURN_RADIANS: f64 = 1.5;
-/// What is shorter than this, in pixels, is not worth a look.
-const LEAST_PX: f64 = 2.0;
-
 /// How the camera moved in the last moments.
 #[derive(Debug, Default)]
 pub struct Motion {
@@ -62,31 +55,10 @@ fn extrapolated(before: &Camera, now: &Camera, factor: f64) -> Camera {
     }
 }
 
-/// The instances that a camera sees, ascending, each with how long its box seems, in pixels. Looks at every box; none
-/// are found where there are too many of them.
-pub fn in_view(
-    boxes: &[InstanceBox],
-    camera: &Camera,
-    aspect: f32,
-    px: impl Fn(&InstanceBox) -> f64 + Sync,
-) -> Vec<(u32, f64)> {
-    if boxes.len() > MOST_INSTANCES {
-        return Vec::new();
-    }
-    let planes = camera.frustum_planes(aspect).map(Vec4::as_dvec4);
-    let is_inside = |bounds: &InstanceBox| {
-        let centre: DVec3 = bounds.centre - camera.eye;
-        planes.iter().all(|plane| {
-            let normal = plane.truncate();
-            normal.dot(centre) + plane.w + normal.abs().dot(bounds.half_extent) >= 0.0
-        })
-    };
-    let seen = boxes.par_iter().enumerate().with_min_len(LEAST_SHARE).filter(|(_, bounds)| is_inside(bounds));
-    seen.map(|(number, bounds)| (number as u32, px(bounds))).filter(|(_, px)| *px >= LEAST_PX).collect()
-}
-
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
 
     fn camera(eye: DVec3, yaw: f64) -> Camera {
@@ -138,16 +110,5 @@ mod tests {
         let found = expected(10.0, 0.0, 20.0).unwrap();
         let angle = found.world_from_view.angle_between(DQuat::from_rotation_y(20.0));
         assert!(angle <= MOST_TURN_RADIANS + 1e-6, "{angle}");
-    }
-
-    #[test]
-    fn what_is_behind_or_too_small_is_not_in_view() {
-        let at = |centre: DVec3| InstanceBox { centre, half_extent: DVec3::splat(0.5), diagonal: 1.7 };
-        let boxes = [DVec3::Z * -5.0, DVec3::Z * 5.0, DVec3::Z * -6.0 + DVec3::X * 50.0, DVec3::Z * -900.0];
-        let px = |bounds: &InstanceBox| 1000.0 / bounds.centre.length();
-        let seen = in_view(&boxes.map(at), &camera(DVec3::ZERO, 0.0), 1.0, px);
-        assert_eq!(seen, [(0, 200.0)]);
-        let around = in_view(&boxes.map(at), &camera(DVec3::ZERO, std::f64::consts::PI), 1.0, px);
-        assert_eq!(around, [(1, 200.0)]);
     }
 }

@@ -1,26 +1,27 @@
 //! What the view wants of each part in, the chunks in memory out, under a cap.
 //!
-//! Every plan says anew what shall be in memory: of what is wanted, as much as the cap has room for, the most projected
-//! error removed for each byte first, so that where the cap bites the error rises evenly over the view. What is in memory
-//! and not wanted stays as long as there is room, and goes in the order in which it was last wanted.
+//! What shall be in memory follows what is wanted: of that as much as the cap has room for, the most projected error
+//! removed for each byte first (`stream/benefit.rs`), so that where the cap bites the error rises evenly over the view.
+//! What is in memory and not wanted stays as long as there is room, and goes in the order in which it was last wanted.
 //!
-//! Workers own the file: they read a chunk, check it against its checksum and hand it over, so that the frame thread
-//! never waits for a page. The list of what they read next is replaced by every plan: what is no longer wanted is never
-//! read. What is being read counts within the cap. What is drawn is what has arrived.
+//! A plan costs what has changed and what is lacking, not what is wanted: which parts lack something is noted as wishes
+//! change and as chunks are evicted. Only where the cap is below all that is wanted, every wanted part takes part in it.
+//!
+//! Workers own the file (`stream/readers.rs`), so that the frame thread never waits for a page. What is being read
+//! counts within the cap. What is drawn is what has arrived.
 
-use std::cmp::{Ordering, Reverse};
-use std::collections::{HashMap, VecDeque};
+use std::cmp::Reverse;
 use std::sync::Arc;
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use crossbeam_channel::{Receiver, Sender, unbounded};
-use parking_lot::{Condvar, Mutex};
+use crossbeam_channel::{Receiver, unbounded};
 use rayon::prelude::*;
+use rustc_hash::FxHashMap;
 
+use super::benefit::{Lack, by_urgency, urgencies};
+use super::readers::{Arrivals, Read, Readers, Request, When};
 use crate::container::ContainerError;
-use crate::geometry::part::sampled_count;
-use crate::geometry::record::decode_error;
 use crate::scene::Scene;
 use crate::scene::part::{Chunk, ResidentPart};
 
@@ -56,89 +57,124 @@ pub struct Wanted {
     pub weight: f32,
 }
 
-/// A part and one of its tiers.
+/// The finest tier of a part that is wanted now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Request {
-    part: u32,
-    tier: u32,
-    bytes: u64,
+pub struct Change {
+    /// The part.
+    pub part: u32,
+    /// The tier; `None` if nothing of the part is wanted any more.
+    pub tier: Option<u32>,
 }
 
-type Arrival = (Request, Result<Chunk, ContainerError>);
+/// How much the whole error of a part would be seen: [`Wanted::weight`].
+pub type Weigh<'a> = &'a (dyn Fn(u32) -> f32 + Sync);
 
-/// What the workers share with the frame thread.
-#[derive(Default)]
-struct Todo {
-    queue: VecDeque<Request>,
-    /// What a worker has taken and the frame thread has not got yet.
-    in_flight: Vec<Request>,
-    closed: bool,
+/// What is known of every part, in memory or not.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    /// The finest tier that is wanted; [`NONE`] if none is.
+    wanted: u32,
+    /// The finest tier that can be drawn; [`NONE`] if none has arrived.
+    finest: u32,
+    /// How many vertices have arrived.
+    vertices: u32,
+    /// The last plan that wanted it, if none does now.
+    wanted_in: u32,
+    /// Whether it is on the list of what lacks something.
+    is_noted: bool,
 }
 
-struct Shared {
-    scene: Arc<Scene>,
-    todo: Mutex<Todo>,
-    changed: Condvar,
-    read_rate: Option<u64>,
-    /// When the disk that is as slow as asked for is free again.
-    free_at: Mutex<Instant>,
+/// In the place of a tier. Greater than all tiers, so that what is finer is less.
+const NONE: u32 = u32::MAX;
+
+impl Place {
+    const EMPTY: Self = Self { wanted: NONE, finest: NONE, vertices: 0, wanted_in: 0, is_noted: false };
+
+    fn is_wanted(&self) -> bool {
+        self.wanted != NONE
+    }
+
+    fn is_lacking(&self) -> bool {
+        self.wanted < self.finest
+    }
 }
 
 /// The chunks that are in memory, and the workers that bring more.
 pub struct Residency {
+    scene: Arc<Scene>,
     parts: Vec<Option<Box<ResidentPart>>>,
+    places: Vec<Place>,
     nothing: ResidentPart,
     /// The parts of which something is in memory.
     held: Vec<u32>,
-    /// Per part, the last plan that wanted it.
-    wanted_in: Vec<u32>,
+    /// The parts that lack something that is wanted, and some that do no more.
+    lacking: Vec<u32>,
+    /// For each chunk whether it is asked for and has not arrived, and how many are.
+    is_coming: Vec<bool>,
+    coming: usize,
+    /// What these take in memory.
+    bytes_coming: u64,
     plan: u32,
     cap_bytes: u64,
-    shared: Arc<Shared>,
-    arrivals: Receiver<Arrival>,
+    readers: Arc<Readers>,
+    arrivals: Receiver<Arrivals>,
     workers: Vec<JoinHandle<()>>,
     bytes_read: u64,
     bytes_held: u64,
+    /// Of these, the bytes of parts that are wanted.
+    bytes_needed: u64,
+    /// What all that is wanted takes.
+    bytes_wanted: u64,
     bytes_evicted: u64,
     /// Whether the cap kept the last plan from all that was wanted.
     is_capped: bool,
+    /// Whether it would keep less from it once what was being read has arrived.
+    is_provisional: bool,
+    /// How many times something has arrived or was evicted.
+    version: u64,
 }
 
 /// More readers than this do not make a disk faster.
 const WORKERS: usize = 2;
 
+/// Bytes of memory that are taken for each part whatever is in memory of it.
+pub(crate) const BYTES_PER_PART: u64 = (size_of::<Place>() + size_of::<Option<Box<ResidentPart>>>()) as u64;
+
 impl Residency {
     /// Starts the workers; nothing is read yet.
     pub fn new(scene: &Arc<Scene>, options: ResidencyOptions) -> Self {
-        let (done, arrivals) = unbounded::<Arrival>();
-        let shared = Arc::new(Shared {
-            scene: Arc::clone(scene),
-            todo: Mutex::default(),
-            changed: Condvar::new(),
-            read_rate: options.read_rate,
-            free_at: Mutex::new(Instant::now()),
-        });
+        let (done, arrivals) = unbounded::<Arrivals>();
+        let readers = Arc::new(Readers::new(scene, options.read_rate));
         let workers = (0..WORKERS)
             .map(|_| {
-                let (shared, done) = (Arc::clone(&shared), done.clone());
-                std::thread::spawn(move || serve(&shared, &done))
+                let (readers, done) = (Arc::clone(&readers), done.clone());
+                std::thread::spawn(move || readers.serve(&done))
             })
             .collect();
         let parts = scene.parts().len();
         Self {
+            scene: Arc::clone(scene),
             parts: (0..parts).map(|_| None).collect(),
+            places: vec![Place::EMPTY; parts],
             nothing: ResidentPart::new(0),
             held: Vec::new(),
-            wanted_in: vec![0; parts],
+            lacking: Vec::new(),
+            is_coming: vec![false; scene.chunk_count()],
+            coming: 0,
+            bytes_coming: 0,
             plan: 0,
             cap_bytes: options.cap_bytes.unwrap_or(u64::MAX),
-            shared,
+            readers,
             arrivals,
             workers,
             bytes_read: 0,
             bytes_held: 0,
+            bytes_needed: 0,
+            bytes_wanted: 0,
             bytes_evicted: 0,
             is_capped: false,
+            is_provisional: false,
+            version: 0,
         }
     }
 
@@ -147,68 +183,211 @@ impl Residency {
         self.parts[part as usize].as_deref().unwrap_or(&self.nothing)
     }
 
-    /// Decides what shall be in memory for a view: evicts what there is no room for, and gives the workers a new list of
-    /// what to read, the most urgent first. Each part is named once.
+    /// How many vertices of a part have arrived, without a look at the part.
+    pub fn vertices_arrived(&self, part: u32) -> u32 {
+        self.places[part as usize].vertices
+    }
+
+    /// Whether a tier of a part can be drawn, without a look at the part.
+    pub fn can_draw(&self, part: u32, tier: u32) -> bool {
+        self.places[part as usize].finest <= tier
+    }
+
+    /// Whether a tier of a part can be drawn, and is wanted, so that it is not evicted for another.
+    pub fn stays(&self, part: u32, tier: u32) -> bool {
+        self.places[part as usize].is_wanted() && self.can_draw(part, tier)
+    }
+
+    /// Grows whenever something arrives or is evicted.
+    pub fn version(&self) -> u64 {
+        self.version
+    }
+
+    /// Decides anew what shall be in memory for a view: evicts what there is no room for, and gives the workers a new list
+    /// of what to read, the most urgent first. Each part is named once. The same as what [`Residency::follow`] comes to.
     pub fn plan(&mut self, wanted: &[Wanted]) {
         self.plan = self.plan.wrapping_add(1);
-        let in_flight = self.shared.stop_taking();
-        let accepted = self.accept_within_cap(wanted);
-        let mut missing: Vec<(f32, Request)> = Vec::new();
-        for (want, &tier) in wanted.iter().zip(&accepted) {
-            self.wanted_in[want.part as usize] = self.plan;
-            self.missing_of(want, tier, &in_flight, &mut missing);
+        for part in 0..self.places.len() as u32 {
+            self.want(Change { part, tier: None });
         }
-        let incoming = |requests: &mut dyn Iterator<Item = &Request>| requests.map(|r| r.bytes).sum::<u64>();
-        let bytes = incoming(&mut in_flight.iter()) + incoming(&mut missing.iter().map(|entry| &entry.1));
-        self.make_room(bytes, wanted, &accepted);
-        missing.par_sort_by(urgent_first);
-        self.shared.give(missing.into_iter().map(|(_, request)| request));
+        let weights: FxHashMap<u32, f32> = wanted.iter().map(|want| (want.part, want.weight)).collect();
+        let changes: Vec<Change> =
+            wanted.iter().map(|want| Change { part: want.part, tier: Some(want.tier) }).collect();
+        self.ask_anew(&changes, &|part| weights.get(&part).copied().unwrap_or(0.0));
+    }
+
+    /// As [`Residency::plan`], from what has changed since the last plan. Each part is named once. `is_reweighed` says whether weights may be others
+    /// than they were; `weigh` is asked for those of parts that lack something, or of all wanted ones under a cap that is
+    /// too small for them.
+    pub fn follow(&mut self, changes: &[Change], is_reweighed: bool, weigh: Weigh<'_>) {
+        self.plan = self.plan.wrapping_add(1);
+        if changes.is_empty() && !is_reweighed && !self.is_provisional {
+            self.withdraw(When::Ahead);
+        } else {
+            self.ask_anew(changes, weigh);
+        }
+    }
+
+    fn ask_anew(&mut self, changes: &[Change], weigh: Weigh<'_>) {
+        self.withdraw(When::Ahead);
+        self.withdraw(When::Now);
+        changes.iter().for_each(|&change| self.want(change));
+        // What is being read may be wanted no more, and takes its room until it has arrived.
+        self.is_capped = self.bytes_wanted > self.cap_bytes.saturating_sub(self.bytes_coming);
+        self.is_provisional = self.is_capped && self.bytes_coming > 0;
+        match self.is_capped {
+            true => self.ask_for_what_fits(weigh),
+            false => self.ask_for_all(weigh),
+        }
+    }
+
+    /// Notes the finest tier of a part that is wanted.
+    fn want(&mut self, change: Change) {
+        let number = change.part as usize;
+        let before = self.places[number].wanted;
+        let now = change.tier.unwrap_or(NONE);
+        if before == now {
+            return;
+        }
+        self.bytes_wanted -= self.bytes_from(change.part, before);
+        self.bytes_wanted += self.bytes_from(change.part, now);
+        let held = self.parts[number].as_ref().map_or(0, |held| held.bytes());
+        if before == NONE {
+            self.bytes_needed += held;
+        }
+        if now == NONE {
+            self.bytes_needed -= held;
+            self.places[number].wanted_in = self.plan.wrapping_sub(1);
+        }
+        self.places[number].wanted = now;
+        self.note(change.part);
+    }
+
+    /// Puts a part on the list of what lacks something, if it does.
+    fn note(&mut self, part: u32) {
+        let place = &mut self.places[part as usize];
+        if place.is_lacking() && !place.is_noted {
+            place.is_noted = true;
+            self.lacking.push(part);
+        }
+    }
+
+    /// Takes parts from the list that lack nothing any more.
+    fn forget_complete(&mut self) {
+        let places = &mut self.places;
+        self.lacking.retain(|&part| {
+            let place = &mut places[part as usize];
+            place.is_noted = place.is_lacking();
+            place.is_noted
+        });
+    }
+
+    fn ask_for_all(&mut self, weigh: Weigh<'_>) {
+        self.forget_complete();
+        // In no order that depends on what was before.
+        self.lacking.par_sort_unstable();
+        let missing = |&part: &u32| {
+            let place = &self.places[part as usize];
+            self.missing_of(part, place.wanted, place.wanted, weigh(part))
+        };
+        let missing: Vec<Lack> = self.lacking.par_iter().flat_map_iter(missing).collect();
+        self.ask(When::Now, missing, &[]);
+    }
+
+    fn ask_for_what_fits(&mut self, weigh: Weigh<'_>) {
+        self.forget_complete();
+        let wanted = |(part, place): (usize, &Place)| {
+            let part = part as u32;
+            place.is_wanted().then(|| Wanted { part, tier: place.wanted, weight: weigh(part) })
+        };
+        let wanted: Vec<Wanted> = self.places.par_iter().enumerate().filter_map(wanted).collect();
+        let accepted = self.accept_within_cap(&wanted);
+        let missing = wanted
+            .par_iter()
+            .zip(&accepted)
+            .flat_map_iter(|(want, &tier)| self.missing_of(want.part, want.tier, tier, want.weight));
+        let missing: Vec<Lack> = missing.collect();
+        let accepted: Vec<(u32, u32)> = wanted.iter().map(|want| want.part).zip(accepted).collect();
+        self.ask(When::Now, missing, &accepted);
     }
 
     /// After a plan, asks for what will be wanted soon: read after everything that is wanted now, into memory that is free
     /// or holds what is neither wanted nor will be. Each part is named once.
     pub fn prefetch(&mut self, ahead: &[Wanted]) {
+        self.withdraw(When::Ahead);
         if ahead.is_empty() || self.is_capped {
             return;
         }
-        let coming = self.shared.coming();
-        let mut missing: Vec<(f32, Request)> = Vec::new();
+        let mut needed = self.bytes_needed;
         for want in ahead {
-            self.wanted_in[want.part as usize] = self.plan;
-            self.missing_of(want, want.tier, &[], &mut missing);
+            let place = &mut self.places[want.part as usize];
+            if !place.is_wanted() {
+                place.wanted_in = self.plan;
+                needed += self.part(want.part).bytes();
+            }
         }
-        missing.retain(|(_, request)| !coming.contains_key(&(request.part, request.tier)));
-        missing.par_sort_by(urgent_first);
-        let coming: u64 = coming.values().sum();
-        let is_needed = |part: &&u32| self.wanted_in[**part as usize] == self.plan;
-        let needed: u64 = self.held.iter().filter(is_needed).map(|&part| self.part(part).bytes()).sum();
-        let room = self.cap_bytes.saturating_sub(coming + needed);
-        let mut bytes = 0;
-        let fits = |(_, request): &(f32, Request)| {
-            bytes += request.bytes;
-            bytes <= room
+        let missing = ahead
+            .par_iter()
+            .flat_map_iter(|want| self.missing_of(want.part, want.tier, want.tier, want.weight));
+        let mut missing: Vec<Lack> = missing.collect();
+        missing.par_sort_unstable();
+        let mut room = self.cap_bytes.saturating_sub(self.bytes_coming + needed);
+        let fits = |lack: &Lack| {
+            let (part, tier) = lack.chunk();
+            let left = room.checked_sub(self.bytes_of(part, tier));
+            room = left.unwrap_or(0);
+            left.is_some()
         };
-        let accepted: Vec<Request> =
-            missing.into_iter().take_while(fits).map(|(_, request)| request).collect();
-        self.make_room(coming + accepted.iter().map(|request| request.bytes).sum::<u64>(), &[], &[]);
-        self.shared.give(accepted.into_iter());
+        let accepted: Vec<Lack> = missing.into_iter().take_while(fits).collect();
+        self.ask(When::Ahead, accepted, &[]);
+    }
+
+    /// Makes room, and gives the workers what is missing, the most urgent first.
+    fn ask(&mut self, when: When, missing: Vec<Lack>, accepted: &[(u32, u32)]) {
+        let scene = Arc::clone(&self.scene);
+        if self.cap_bytes < u64::MAX {
+            let bytes_of = |lack: &Lack| self.bytes_of(lack.chunk().0, lack.chunk().1);
+            let bytes = self.bytes_coming + missing.par_iter().map(bytes_of).sum::<u64>();
+            self.make_room(bytes, accepted);
+        }
+        by_urgency(&scene, missing, |lacks| {
+            let request = |lack: Lack| {
+                let (part, tier) = lack.chunk();
+                Request { part, tier, bytes: self.bytes_of(part, tier) }
+            };
+            let requests: Vec<Request> = lacks.map(request).collect();
+            for request in &requests {
+                self.is_coming[scene.chunk_number(request.part, request.tier)] = true;
+            }
+            self.coming += requests.len();
+            self.bytes_coming += requests.iter().map(|request| request.bytes).sum::<u64>();
+            self.readers.give(when, requests.into_iter());
+        });
+    }
+
+    /// Takes back what was asked for and is not being read yet.
+    fn withdraw(&mut self, when: When) {
+        if self.coming == 0 {
+            return;
+        }
+        for request in self.readers.withdraw(when) {
+            self.is_coming[self.scene.chunk_number(request.part, request.tier)] = false;
+            self.coming -= 1;
+            self.bytes_coming -= request.bytes;
+        }
     }
 
     /// For each wanted part the finest tier that there is room for; the number of tiers for none.
-    fn accept_within_cap(&mut self, wanted: &[Wanted]) -> Vec<u32> {
-        let all: u64 = wanted.par_iter().map(|want| self.bytes_from(want.part, want.tier)).sum();
-        self.is_capped = all > self.cap_bytes;
-        if !self.is_capped {
-            return wanted.iter().map(|want| want.tier).collect();
-        }
+    fn accept_within_cap(&self, wanted: &[Wanted]) -> Vec<u32> {
         let mut offers: Vec<(f32, u32, u32)> = Vec::new();
         for (number, want) in (0..).zip(wanted) {
             let tiers = (want.tier..self.tier_count(want.part)).rev();
-            offers.extend(tiers.zip(self.urgencies(want)).map(|(tier, urgency)| (urgency, tier, number)));
+            let urgencies = urgencies(&self.scene, want.part, want.tier, want.weight);
+            offers.extend(tiers.zip(urgencies).map(|(tier, urgency)| (urgency, tier, number)));
         }
         offers.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(b.1.cmp(&a.1)).then(a.2.cmp(&b.2)));
         let mut accepted: Vec<u32> = wanted.iter().map(|want| self.tier_count(want.part)).collect();
-        let mut left = self.cap_bytes;
+        let mut left = self.cap_bytes.saturating_sub(self.bytes_coming);
         for (_, tier, number) in offers {
             let Some(rest) = left.checked_sub(self.bytes_of(wanted[number as usize].part, tier)) else {
                 break;
@@ -220,12 +399,12 @@ impl Residency {
     }
 
     fn tier_count(&self, part: u32) -> u32 {
-        self.shared.scene.parts()[part as usize].tier_count
+        self.scene.parts()[part as usize].tier_count
     }
 
     /// Bytes of memory that a chunk takes.
     fn bytes_of(&self, part: u32, tier: u32) -> u64 {
-        let tiers = self.shared.scene.tiers(part);
+        let tiers = self.scene.tiers(part);
         let below = tiers.get(tier as usize + 1).map_or(0, |row| row.vertices);
         Chunk::bytes_of(&tiers[tier as usize], below)
     }
@@ -234,74 +413,64 @@ impl Residency {
         (finest..self.tier_count(part)).map(|tier| self.bytes_of(part, tier)).sum()
     }
 
-    /// How urgent each tier of a part is, from the coarsest to the finest that is wanted: the projected error that it
-    /// removes for each byte, never more than that of a coarser one.
-    fn urgencies(&self, want: &Wanted) -> impl Iterator<Item = f32> {
-        let row = &self.shared.scene.parts()[want.part as usize];
-        let tiers = self.shared.scene.tiers(want.part);
-        let error_at = |vertices: u32| {
-            let holds = (0..row.errors.len()).find(|&j| sampled_count(row.vertices, j) <= vertices);
-            holds.map_or(1.0, |j| decode_error(row.errors[j], 1.0) as f32)
-        };
-        // With nothing there, it is off by its own size.
-        let mut before = 1.0;
-        let mut least = f32::INFINITY;
-        (want.tier as usize..tiers.len()).rev().map(move |tier| {
-            let after = error_at(tiers[tier].vertices);
-            let removed = (before - after).max(0.0);
-            before = after;
-            least = least.min(want.weight * removed / tiers[tier].bytes.max(1) as f32);
-            least
-        })
-    }
-
-    /// The chunks of a part that are neither there nor on their way.
+    /// The chunks of a part, from `accepted` on, that are neither there nor on their way; `finest` is what is wanted.
     fn missing_of(
         &self,
-        want: &Wanted,
+        part: u32,
         finest: u32,
-        in_flight: &[Request],
-        missing: &mut Vec<(f32, Request)>,
-    ) {
-        let held = self.part(want.part);
-        let tiers = self.tier_count(want.part);
+        accepted: u32,
+        weight: f32,
+    ) -> impl Iterator<Item = Lack> + use<'_> {
+        let held = self.part(part);
+        let tiers = self.tier_count(part);
         let arrived = held.finest().unwrap_or(tiers);
-        if finest >= arrived {
-            return;
-        }
-        for (tier, urgency) in (want.tier..tiers).rev().zip(self.urgencies(want)) {
-            let is_coming = || in_flight.iter().any(|r| (r.part, r.tier) == (want.part, tier));
-            if (finest..arrived).contains(&tier) && !held.has(tier) && !is_coming() {
-                let bytes = self.bytes_of(want.part, tier);
-                missing.push((urgency, Request { part: want.part, tier, bytes }));
-            }
-        }
+        let range = accepted..arrived;
+        let finest = if range.is_empty() { tiers } else { finest };
+        let is_missing = move |tier: u32| {
+            range.contains(&tier) && !held.has(tier) && !self.is_coming[self.scene.chunk_number(part, tier)]
+        };
+        let urgencies = urgencies(&self.scene, part, finest, weight);
+        let all = (finest..tiers).rev().zip(urgencies).filter(move |&(tier, _)| is_missing(tier));
+        all.map(move |(tier, urgency)| Lack::new(&self.scene, part, tier, urgency))
     }
 
     /// Evicts until so many bytes more would fit: first what is not wanted, longest ago first; then tiers that were not
-    /// accepted.
-    fn make_room(&mut self, bytes: u64, wanted: &[Wanted], accepted: &[u32]) {
+    /// accepted, or are finer than what is wanted.
+    fn make_room(&mut self, bytes: u64, accepted: &[(u32, u32)]) {
         let most = self.cap_bytes.saturating_sub(bytes);
         if self.bytes_held <= most {
             return;
         }
-        let age = |part: u32| self.plan.wrapping_sub(self.wanted_in[part as usize]);
+        let age = |part: u32| match &self.places[part as usize] {
+            place if place.is_wanted() => 0,
+            place => self.plan.wrapping_sub(place.wanted_in),
+        };
         let mut unwanted: Vec<u32> = self.held.iter().copied().filter(|&part| age(part) > 0).collect();
-        unwanted.sort_unstable_by_key(|&part| (Reverse(age(part)), part));
+        unwanted.par_sort_unstable_by_key(|&part| (Reverse(age(part)), part));
         for part in unwanted {
             if self.bytes_held <= most {
                 break;
             }
             self.evict(part, self.tier_count(part));
         }
-        for (want, &tier) in wanted.iter().zip(accepted) {
+        let is_over = self.bytes_held > most;
+        let finer = if is_over && !self.is_capped { self.kept_wanted() } else { Vec::new() };
+        for &(part, tier) in accepted.iter().chain(&finer) {
             if self.bytes_held <= most {
                 break;
             }
-            self.evict(want.part, tier);
+            self.evict(part, tier);
         }
         let parts = &self.parts;
         self.held.retain(|&part| parts[part as usize].is_some());
+    }
+
+    /// The finest wanted tiers of all parts of which something is wanted and there, by part.
+    fn kept_wanted(&self) -> Vec<(u32, u32)> {
+        let wanted = |&part: &u32| (part, self.places[part as usize].wanted);
+        let mut kept: Vec<_> = self.held.iter().map(wanted).filter(|&(_, tier)| tier != NONE).collect();
+        kept.sort_unstable();
+        kept
     }
 
     /// Evicts all tiers of a part that are finer than this one.
@@ -310,11 +479,27 @@ impl Residency {
         let before = held.bytes();
         held.keep_from(finest);
         let freed = before - held.bytes();
-        self.bytes_held -= freed;
-        self.bytes_evicted += freed;
         if held.bytes() == 0 {
             self.parts[part as usize] = None;
         }
+        self.bytes_held -= freed;
+        self.bytes_evicted += freed;
+        if self.places[part as usize].is_wanted() {
+            self.bytes_needed -= freed;
+        }
+        self.see(part);
+        self.note(part);
+    }
+
+    /// Notes what is there of a part.
+    fn see(&mut self, part: u32) {
+        let (finest, vertices) = match &self.parts[part as usize] {
+            Some(held) => (held.finest().unwrap_or(NONE), held.vertices_arrived()),
+            None => (NONE, 0),
+        };
+        let place = &mut self.places[part as usize];
+        (place.finest, place.vertices) = (finest, vertices);
+        self.version += 1;
     }
 
     /// Takes in what has arrived, without waiting.
@@ -322,8 +507,8 @@ impl Residency {
     /// # Errors
     /// A damaged chunk.
     pub fn receive(&mut self) -> Result<(), ResidencyError> {
-        while let Ok(arrival) = self.arrivals.try_recv() {
-            self.accept(arrival)?;
+        while let Ok(arrivals) = self.arrivals.try_recv() {
+            self.accept(arrivals)?;
         }
         Ok(())
     }
@@ -335,7 +520,7 @@ impl Residency {
     pub fn settle(&mut self) -> Result<(), ResidencyError> {
         while self.is_waiting() {
             match self.arrivals.recv_timeout(Duration::from_millis(200)) {
-                Ok(arrival) => self.accept(arrival)?,
+                Ok(arrivals) => self.accept(arrivals)?,
                 // A worker ends only when this is dropped, or by a panic, and then its request never arrives.
                 Err(_) if self.workers.iter().any(JoinHandle::is_finished) => {
                     return Err(ResidencyError::WorkersGone);
@@ -348,24 +533,43 @@ impl Residency {
 
     /// Whether something that was asked for has not arrived.
     pub fn is_waiting(&self) -> bool {
-        let todo = self.shared.todo.lock();
-        !todo.queue.is_empty() || !todo.in_flight.is_empty()
+        self.coming > 0
     }
 
-    fn accept(&mut self, (request, chunk): Arrival) -> Result<(), ResidencyError> {
-        let Request { part, tier, .. } = request;
-        self.shared.todo.lock().in_flight.retain(|other| *other != request);
-        let chunk = chunk?;
-        self.bytes_read += chunk.spec().row.bytes as u64;
-        let tiers = self.tier_count(part);
-        let held = self.parts[part as usize].get_or_insert_with(|| {
-            self.held.push(part);
-            Box::new(ResidentPart::new(tiers))
-        });
-        let before = held.bytes();
-        held.arrive(tier, chunk);
-        self.bytes_held += held.bytes() - before;
+    fn accept(&mut self, arrivals: Arrivals) -> Result<(), ResidencyError> {
+        let bytes = arrivals.iter().map(|(request, _)| request.bytes).sum();
+        self.readers.accepted(bytes);
+        self.bytes_coming -= bytes;
+        self.coming -= arrivals.len();
+        for (request, read) in arrivals {
+            let Request { part, tier, .. } = request;
+            self.is_coming[self.scene.chunk_number(part, tier)] = false;
+            self.bytes_read += u64::from(self.scene.tiers(part)[tier as usize].bytes);
+            let bytes = self.put(request, read?);
+            self.bytes_held += bytes;
+            if self.places[part as usize].is_wanted() {
+                self.bytes_needed += bytes;
+            }
+            self.see(part);
+        }
         Ok(())
+    }
+
+    /// Puts a chunk to its part; returns the bytes that it takes.
+    fn put(&mut self, request: Request, read: Read) -> u64 {
+        let tiers = self.tier_count(request.part);
+        let slot = &mut self.parts[request.part as usize];
+        let before = slot.as_ref().map_or(0, |held| held.bytes());
+        if slot.is_none() {
+            self.held.push(request.part);
+        }
+        let new = || Box::new(ResidentPart::new(tiers));
+        match read {
+            Read::Part(part) if slot.is_none() => *slot = Some(part),
+            Read::Part(part) => slot.get_or_insert_with(new).arrive_all(*part),
+            Read::Chunk(chunk) => slot.get_or_insert_with(new).arrive(request.tier, chunk),
+        }
+        slot.as_ref().map_or(0, |held| held.bytes()) - before
     }
 
     /// Bytes read from the file since the last call.
@@ -380,7 +584,7 @@ impl Residency {
 
     /// Bytes of all chunks in memory, and of those that are being read.
     pub fn bytes_held(&self) -> u64 {
-        self.bytes_held + self.shared.todo.lock().in_flight.iter().map(|request| request.bytes).sum::<u64>()
+        self.bytes_held + self.readers.bytes_in_flight()
     }
 
     /// Whether the cap kept the last plan from all that was wanted.
@@ -391,77 +595,10 @@ impl Residency {
 
 impl Drop for Residency {
     fn drop(&mut self) {
-        {
-            let mut todo = self.shared.todo.lock();
-            todo.closed = true;
-            todo.queue.clear();
-        }
-        self.shared.changed.notify_all();
+        self.readers.close();
         for worker in self.workers.drain(..) {
             // A worker that panicked has printed its message already.
             let _ = worker.join();
-        }
-    }
-}
-
-impl Shared {
-    /// Empties the list, and tells what was taken from it already.
-    fn stop_taking(&self) -> Vec<Request> {
-        let mut todo = self.todo.lock();
-        todo.queue.clear();
-        todo.in_flight.clone()
-    }
-
-    /// What is on the list or was taken from it, with its bytes.
-    fn coming(&self) -> HashMap<(u32, u32), u64> {
-        let todo = self.todo.lock();
-        let requests = todo.queue.iter().chain(&todo.in_flight);
-        requests.map(|request| ((request.part, request.tier), request.bytes)).collect()
-    }
-
-    fn give(&self, requests: impl Iterator<Item = Request>) {
-        self.todo.lock().queue.extend(requests);
-        self.changed.notify_all();
-    }
-
-    /// The next request, once there is one; `None` at the end.
-    fn take(&self) -> Option<Request> {
-        let mut todo = self.todo.lock();
-        loop {
-            if todo.closed {
-                return None;
-            }
-            if let Some(request) = todo.queue.pop_front() {
-                todo.in_flight.push(request);
-                return Some(request);
-            }
-            self.changed.wait(&mut todo);
-        }
-    }
-
-    /// Waits as long as a slow disk would take.
-    fn pace(&self, bytes: u64) {
-        let Some(rate) = self.read_rate else { return };
-        let until = {
-            let mut free_at = self.free_at.lock();
-            *free_at = (*free_at).max(Instant::now()) + Duration::from_secs_f64(bytes as f64 / rate as f64);
-            *free_at
-        };
-        std::thread::sleep(until.saturating_duration_since(Instant::now()));
-    }
-}
-
-/// The most urgent first, coarse tiers before fine ones.
-fn urgent_first((a, r): &(f32, Request), (b, s): &(f32, Request)) -> Ordering {
-    b.total_cmp(a).then(s.tier.cmp(&r.tier)).then(r.part.cmp(&s.part))
-}
-
-fn serve(shared: &Shared, done: &Sender<Arrival>) {
-    while let Some(request) = shared.take() {
-        let chunk = shared.scene.read_chunk(request.part, request.tier);
-        shared.pace(request.bytes);
-        if done.send((request, chunk)).is_err() {
-            return;
         }
     }
 }

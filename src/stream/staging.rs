@@ -10,7 +10,8 @@ use wgpu::WriteOnly;
 
 use crate::gpu::{Gpu, GpuError};
 
-const SLOTS: usize = 3;
+/// How many slots there are.
+pub const SLOTS: usize = 3;
 /// The least size of a slot, in bytes.
 pub const LEAST_SLOT_BYTES: u64 = 1 << 16;
 

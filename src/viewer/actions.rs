@@ -168,7 +168,12 @@ pub const ENTRIES: &[Entry] = &[
     entry(Menu::Edit, Action::InvertSelection, "Invert selection", ctrl(Key::I)),
     entry(Menu::Edit, Action::Search, "Search in the assembly", ctrl(Key::F)),
     entry(Menu::View, Action::FitAll, "Fit all", key(Key::F)),
-    entry(Menu::View, Action::FitSelection, "Fit selected", Some(KeyboardShortcut::new(Modifiers::SHIFT, Key::F))),
+    entry(
+        Menu::View,
+        Action::FitSelection,
+        "Fit selected",
+        Some(KeyboardShortcut::new(Modifiers::SHIFT, Key::F)),
+    ),
     entry(Menu::View, Action::View(StandardView::Iso), "From the corner (isometric)", key(Key::Num0)),
     entry(Menu::View, Action::View(StandardView::Front), "From the front", key(Key::Num1)),
     entry(Menu::View, Action::View(StandardView::Back), "From behind", key(Key::Num2)),

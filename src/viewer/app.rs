@@ -203,7 +203,8 @@ impl App {
     fn move_on(&mut self, context: &egui::Context) {
         let seconds = f64::from(context.input(|input| input.stable_dt)).min(0.1);
         if let Some(document) = &mut self.document {
-            let is_moving = document.advance(&self.settings, seconds) | self.layout.route.advance(document, seconds);
+            let is_moving =
+                document.advance(&self.settings, seconds) | self.layout.route.advance(document, seconds);
             document.wish(&self.settings);
             if is_moving {
                 context.request_repaint();
@@ -224,14 +225,17 @@ impl App {
     }
 
     fn keys_and_drops(&mut self, context: &egui::Context) {
-        let dropped = context.input(|input| input.raw.dropped_files.first().map(|file| file.path().to_owned()));
+        let dropped =
+            context.input(|input| input.raw.dropped_files.first().map(|file| file.path().to_owned()));
         if let Some(file) = dropped {
             self.open(&file);
         }
         if self.palette.is_none() && self.dialog.is_none() && self.tool != Tool::Fly {
             actions::pressed(context).into_iter().for_each(|action| self.act(action));
         } else if self.tool == Tool::Fly {
-            let is_over = context.input(|input| input.key_pressed(egui::Key::Escape) || input.key_pressed(egui::Key::Backtick));
+            let is_over = context.input(|input| {
+                input.key_pressed(egui::Key::Escape) || input.key_pressed(egui::Key::Backtick)
+            });
             self.tool = if is_over { Tool::Hand } else { self.tool };
         }
     }
@@ -389,7 +393,9 @@ impl App {
                 self.settings.parallel = false;
                 self.tool = if self.tool == Tool::Fly { Tool::Hand } else { Tool::Fly };
             }
-            Action::Measure => self.tool = if self.tool == Tool::Measure { Tool::Hand } else { Tool::Measure },
+            Action::Measure => {
+                self.tool = if self.tool == Tool::Measure { Tool::Hand } else { Tool::Measure }
+            }
             Action::ToggleFreeze => document.toggle_freeze(),
             Action::ColourBy(by) => document.look.colour_by = by,
             Action::Edges(edges) => {

@@ -43,8 +43,7 @@ pub enum Purpose {
 }
 
 impl Purpose {
-    const ALL: [Self; 6] =
-        [Self::Hover, Self::Select, Self::SelectMore, Self::Grab, Self::Cut, Self::Fit];
+    const ALL: [Self; 6] = [Self::Hover, Self::Select, Self::SelectMore, Self::Grab, Self::Cut, Self::Fit];
 
     fn of(number: u32) -> Option<Self> {
         Self::ALL.into_iter().find(|&purpose| purpose as u32 == number)
@@ -174,8 +173,7 @@ impl Document {
         self.wished = None;
         self.is_hover_due = false;
         let scene = Arc::clone(self.scene());
-        self.painter =
-            Some(Painter::new(Arc::clone(gpu), scene, settings.render(), Arc::clone(&self.wake)));
+        self.painter = Some(Painter::new(Arc::clone(gpu), scene, settings.render(), Arc::clone(&self.wake)));
     }
 
     /// Asks for a pick in the picture.

@@ -259,8 +259,7 @@ impl Panels<'_> {
             self.tree.focus_search();
         }
         let Document { tree, visibility, loaded, .. } = &mut *self.document;
-        let mut model =
-            TreeModel { tree, visibility, search: &loaded.search, names: loaded.scene.as_ref() };
+        let mut model = TreeModel { tree, visibility, search: &loaded.search, names: loaded.scene.as_ref() };
         for event in self.tree.show(ui, &mut model) {
             self.take_tree_event(event);
         }

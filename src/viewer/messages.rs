@@ -72,7 +72,8 @@ impl Messages {
 
 /// One message; says whether it was clicked away.
 fn row(ui: &mut egui::Ui, message: &Message) -> bool {
-    let colour = if message.is_failure { Color32::from_rgb(200, 60, 50) } else { Color32::from_rgb(60, 120, 190) };
+    let colour =
+        if message.is_failure { Color32::from_rgb(200, 60, 50) } else { Color32::from_rgb(60, 120, 190) };
     let frame = Frame::popup(ui.style()).stroke(Stroke::new(1.5, colour));
     frame
         .show(ui, |ui| {

@@ -357,9 +357,8 @@ impl<'a> Easel<'a> {
             wishes: self.renderer.wishes(),
             ages: self.watch.ages(),
         };
-        let coloured = |(instance, look): (usize, &Look)| {
-            look.with(look_of(wish.colour_by, &of, instance as u32))
-        };
+        let coloured =
+            |(instance, look): (usize, &Look)| look.with(look_of(wish.colour_by, &of, instance as u32));
         let looks: Vec<Look> = wish.looks.par_iter().enumerate().map(coloured).collect();
         self.renderer.set_looks(&looks);
     }
@@ -369,7 +368,8 @@ impl<'a> Easel<'a> {
         let fits = |target: &Arc<Target>| (target.width(), target.height()) == (width, height);
         self.targets.retain(fits);
         let drawn_last = Arc::as_ptr(self.renderer.target());
-        let free = |target: &&Arc<Target>| Arc::strong_count(target) == 1 && Arc::as_ptr(target) != drawn_last;
+        let free =
+            |target: &&Arc<Target>| Arc::strong_count(target) == 1 && Arc::as_ptr(target) != drawn_last;
         if let Some(target) = self.targets.iter().find(free) {
             return Ok(Arc::clone(target));
         }

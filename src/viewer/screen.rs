@@ -40,8 +40,7 @@ impl Screen {
         display: winit::event_loop::OwnedDisplayHandle,
         window: Arc<winit::window::Window>,
     ) -> Result<Self, GpuError> {
-        let (gpu, surface) =
-            Gpu::for_window(&GpuOptions::default(), Box::new(display), Arc::clone(&window))?;
+        let (gpu, surface) = Gpu::for_window(&GpuOptions::default(), Box::new(display), Arc::clone(&window))?;
         let config = configuration(&gpu, &surface, window.inner_size())?;
         surface.configure(&gpu.device, &config);
         gpu.check()?;

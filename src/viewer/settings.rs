@@ -245,8 +245,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let store = Store::in_folder(&folder.path().join("not there yet"));
         assert_eq!(store.load().unwrap(), Settings::default());
-        let mut settings =
-            Settings { theme: Theme::Dark, budget_vertices: 12_345, memory_bytes: Some(1 << 30), ..Settings::default() };
+        let mut settings = Settings {
+            theme: Theme::Dark,
+            budget_vertices: 12_345,
+            memory_bytes: Some(1 << 30),
+            ..Settings::default()
+        };
         for name in ["/a", "/b", "/a"] {
             settings.opened(Path::new(name));
         }

@@ -20,7 +20,9 @@ use crate::gpu::GpuError;
 #[derive(Debug, thiserror::Error)]
 pub enum WindowError {
     /// There is no display.
-    #[error("no window can be opened: {0}; is there a display (DISPLAY or WAYLAND_DISPLAY)? Without one, use `collapsar shot` or `fly`")]
+    #[error(
+        "no window can be opened: {0}; is there a display (DISPLAY or WAYLAND_DISPLAY)? Without one, use `collapsar shot` or `fly`"
+    )]
     NoDisplay(String),
     /// The graphics card.
     #[error(transparent)]
@@ -324,7 +326,9 @@ impl Shell {
         let Mishaps { surface, device } = self.options.mishaps;
         let is_due = |every: u32| every > 0 && self.layouts.is_multiple_of(every);
         let Some(shown) = &mut self.shown else { return };
-        if is_due(surface) && let Err(error) = shown.screen.renew_surface() {
+        if is_due(surface)
+            && let Err(error) = shown.screen.renew_surface()
+        {
             tracing::warn!(%error, "the surface could not be made anew");
         }
         if is_due(device) {

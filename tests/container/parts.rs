@@ -135,6 +135,7 @@ pub fn ordered(mesh: &Mesh) -> OrderedPart {
         locked,
         errors: std::array::from_fn(|i| (i * 255 / ERROR_SAMPLES) as u8),
         place: Default::default(),
+        closure: Default::default(),
         stall: Stall::Boundary,
     }
 }

@@ -5,10 +5,8 @@ use std::path::Path;
 use egui::Ui;
 
 use crate::scene::views;
-use crate::viewer::bookmarks::{
-    Bookmark, BookmarkError, Bookmarks, model_key, target_distance,
-};
 use crate::viewer::bookmarks::recorder::{Recorder, Save, turntable};
+use crate::viewer::bookmarks::{Bookmark, BookmarkError, Bookmarks, model_key, target_distance};
 use crate::viewer::document::Document;
 use crate::viewer::panels::bookmarks::{BookmarkEvent, BookmarkPanel, Playback};
 use crate::viewer::panels::paths::Want;

@@ -150,9 +150,8 @@ impl BookmarkPanel {
     fn rename_field(&mut self, ui: &mut Ui) -> Option<BookmarkEvent> {
         let (index, name) = self.renaming.as_mut()?;
         let field = ui.add(TextEdit::singleline(name).hint_text("New name").desired_width(160.0));
-        let (enter, escape) = ui.input(|input| {
-            (input.key_pressed(egui::Key::Enter), input.key_pressed(egui::Key::Escape))
-        });
+        let (enter, escape) =
+            ui.input(|input| (input.key_pressed(egui::Key::Enter), input.key_pressed(egui::Key::Escape)));
         let event = BookmarkEvent::Rename(*index, name.clone());
         if !field.has_focus() && !field.lost_focus() {
             field.request_focus();
@@ -183,7 +182,11 @@ impl BookmarkPanel {
         ui.horizontal(|ui| {
             let has_keys = !path.keys().is_empty();
             for (label, save, hint) in [
-                ("Save smooth…", Save::Smooth, "A key for every frame, so that fly replays what is seen here"),
+                (
+                    "Save smooth…",
+                    Save::Smooth,
+                    "A key for every frame, so that fly replays what is seen here",
+                ),
                 ("Save keys…", Save::Keys, "The keys alone; fly goes straight between them"),
             ] {
                 if ui.add_enabled(has_keys, egui::Button::new(label)).on_hover_text(hint).clicked() {

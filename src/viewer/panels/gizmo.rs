@@ -147,7 +147,11 @@ mod tests {
             for end in ends(DQuat::IDENTITY) {
                 let outward = End::direction(end.axis, end.is_positive);
                 let view = end.view(up);
-                assert!((view.orientation(up) * DVec3::Z - outward).length() < 1e-12, "{} {up:?}", end.name());
+                assert!(
+                    (view.orientation(up) * DVec3::Z - outward).length() < 1e-12,
+                    "{} {up:?}",
+                    end.name()
+                );
             }
         }
     }

@@ -87,7 +87,9 @@ fn units(ui: &mut Ui, units: Units, events: &mut Vec<MeasureEvent>) {
         unit(ui, "Model in", &mut changed.model);
         unit(ui, "shown in", &mut changed.shown);
         let scale = DragValue::new(&mut changed.scale).range(1e-6..=1e6).speed(0.1).prefix("1 : ");
-        ui.add(scale).accessible_name("Scale of the model").on_hover_text("How much larger the real thing is");
+        ui.add(scale)
+            .accessible_name("Scale of the model")
+            .on_hover_text("How much larger the real thing is");
     });
     if changed != units {
         events.push(MeasureEvent::Units(changed));
@@ -108,10 +110,9 @@ fn one(ui: &mut Ui, measurement: &Measurement, units: &Units, events: &mut Vec<M
         if ui.selectable_label(false, measurement.title()).on_hover_text("Show where").clicked() {
             events.push(MeasureEvent::Show(number));
         }
-        for (sign, what, event) in [
-            ("🗐", "Copy", MeasureEvent::Copy(number)),
-            ("✖", "Remove", MeasureEvent::Remove(number)),
-        ] {
+        for (sign, what, event) in
+            [("🗐", "Copy", MeasureEvent::Copy(number)), ("✖", "Remove", MeasureEvent::Remove(number))]
+        {
             let label = format!("{what} measurement {number}");
             if ui.small_button(sign).accessible_name(label).on_hover_text(what).clicked() {
                 events.push(event);

@@ -54,9 +54,12 @@ impl Palette {
     fn contents(&mut self, ui: &mut Ui, has_model: bool) -> Option<Ended> {
         ui.set_width(420.0);
         let entries = found(&self.text, has_model);
-        let [up, down, enter] = [Key::ArrowUp, Key::ArrowDown, Key::Enter].map(|key| ui.input(|i| i.key_pressed(key)));
+        let [up, down, enter] =
+            [Key::ArrowUp, Key::ArrowDown, Key::Enter].map(|key| ui.input(|i| i.key_pressed(key)));
         let field = ui.add(
-            TextEdit::singleline(&mut self.text).hint_text("What shall be done?").desired_width(f32::INFINITY),
+            TextEdit::singleline(&mut self.text)
+                .hint_text("What shall be done?")
+                .desired_width(f32::INFINITY),
         );
         field.request_focus();
         if field.changed() {
@@ -68,7 +71,8 @@ impl Palette {
             (_, true) => (self.chosen + 1).min(last),
             _ => self.chosen.min(last),
         };
-        let mut ended = enter.then(|| entries.get(self.chosen)).flatten().map(|entry| Ended::Do(entry.action));
+        let mut ended =
+            enter.then(|| entries.get(self.chosen)).flatten().map(|entry| Ended::Do(entry.action));
         ScrollArea::vertical().max_height(320.0).show(ui, |ui| {
             for (number, entry) in entries.iter().enumerate() {
                 let row = row(ui, entry, number == self.chosen);

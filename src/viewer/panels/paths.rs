@@ -121,13 +121,16 @@ impl PathDialog {
         let (sender, receiver) = channel();
         let (want, start) = (self.want, PathBuf::from(self.text.trim()));
         std::thread::spawn(move || {
-            let mut dialog = rfd::FileDialog::new().add_filter("files", want.extensions()).set_title(want.title());
+            let mut dialog =
+                rfd::FileDialog::new().add_filter("files", want.extensions()).set_title(want.title());
             if let Some(folder) = start.parent().filter(|folder| folder.is_dir()) {
                 dialog = dialog.set_directory(folder);
             }
             let chosen = match want.is_open() {
                 true => dialog.pick_file(),
-                false => dialog.set_file_name(start.file_name().unwrap_or_default().to_string_lossy()).save_file(),
+                false => {
+                    dialog.set_file_name(start.file_name().unwrap_or_default().to_string_lossy()).save_file()
+                }
             };
             // Nobody listens any more if this dialog was closed.
             let _ = sender.send(chosen);

@@ -1,6 +1,9 @@
 //! The picture: the newest frame, and what the mouse does to it.
 
-use egui::{Color32, CursorIcon, Event, Key, PointerButton, Pos2, Rect, Response, Sense, Stroke, StrokeKind, TextureId, Ui};
+use egui::{
+    Color32, CursorIcon, Event, Key, PointerButton, Pos2, Rect, Response, Sense, Stroke, StrokeKind,
+    TextureId, Ui,
+};
 use glam::DVec2;
 
 use crate::viewer::document::{Document, Purpose};
@@ -62,7 +65,9 @@ impl PicturePanel {
         if tool == Tool::Measure && response.hovered() {
             ui.ctx().set_cursor_icon(CursorIcon::Crosshair);
         }
-        response.widget_info(|| egui::WidgetInfo::labeled(egui::accesskit::Role::Image, true, "Picture of the model"));
+        response.widget_info(|| {
+            egui::WidgetInfo::labeled(egui::accesskit::Role::Image, true, "Picture of the model")
+        });
         area
     }
 
@@ -80,7 +85,8 @@ impl PicturePanel {
         let events = ui.input(|input| input.events.clone());
         for event in events {
             let gestures = match event {
-                Event::PointerButton { pos, button, pressed: true, modifiers, .. } => match button_of(button) {
+                Event::PointerButton { pos, button, pressed: true, modifiers, .. } => match button_of(button)
+                {
                     Some(button) if response.contains_pointer() => {
                         self.hand.press(button, self.pixel(pos), modifiers_of(modifiers))
                     }

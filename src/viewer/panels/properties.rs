@@ -28,7 +28,10 @@ pub fn show(ui: &mut Ui, selected: &Selected<'_>) {
         return;
     };
     if selected.count > 1 {
-        ui.label(format!("{} instances are selected; the last of them:", human::count(selected.count as u64)));
+        ui.label(format!(
+            "{} instances are selected; the last of them:",
+            human::count(selected.count as u64)
+        ));
     }
     Grid::new("properties").num_columns(2).striped(true).show(ui, |ui| {
         for (name, value) in rows(selected, instance) {
@@ -71,17 +74,27 @@ pub fn rows(selected: &Selected<'_>, instance: u32) -> Vec<(&'static str, String
         ("Name", named(scene.node_name(row.node))),
         ("Path", scene.node_path(row.node)),
         ("Part", named(scene.part_name(row.part))),
-        ("Material", format!(
-            "{}, #{:02x}{:02x}{:02x}",
-            named(scene.material_name(row.material)), colour[0], colour[1], colour[2]
-        )),
+        (
+            "Material",
+            format!(
+                "{}, #{:02x}{:02x}{:02x}",
+                named(scene.material_name(row.material)),
+                colour[0],
+                colour[1],
+                colour[2]
+            ),
+        ),
         ("Triangles", human::count(part.triangles.into())),
         ("Size", size(&selected.bounds)),
-        ("Surface", match part.closure() {
-            crate::geometry::Closure::Open => "open",
-            crate::geometry::Closure::Closed => "closed",
-            crate::geometry::Closure::InsideOut => "closed, inside out",
-        }.to_owned()),
+        (
+            "Surface",
+            match part.closure() {
+                crate::geometry::Closure::Open => "open",
+                crate::geometry::Closure::Closed => "closed",
+                crate::geometry::Closure::InsideOut => "closed, inside out",
+            }
+            .to_owned(),
+        ),
     ];
     if let Some(reading) = selected.reading.filter(|reading| reading.instance == instance) {
         rows.extend(drawn(&reading));

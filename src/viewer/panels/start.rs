@@ -50,7 +50,9 @@ pub fn show(ui: &mut Ui, recent: &[PathBuf], is_loading: bool) -> Option<Chosen>
 pub fn status(ui: &mut Ui, document: &Document, tool: Tool) {
     match tool {
         Tool::Hand => {}
-        Tool::Fly => drop(ui.strong("Flying: W A S D Q E and the mouse, the wheel for speed, Escape to land.")),
+        Tool::Fly => {
+            drop(ui.strong("Flying: W A S D Q E and the mouse, the wheel for speed, Escape to land."))
+        }
         Tool::Measure => drop(ui.strong("Measuring: click on two points.")),
     }
     if document.frozen.is_some() {

@@ -43,12 +43,22 @@ fn knobs(ui: &mut Ui, settings: &mut Settings) -> Changed {
         };
         row("Budget", "Vertices that are drawn at most (N)", &mut |ui| {
             let range = 1000..=100_000_000;
-            let budget = Slider::new(&mut settings.budget_vertices, range).logarithmic(true).suffix(" vertices");
+            let budget =
+                Slider::new(&mut settings.budget_vertices, range).logarithmic(true).suffix(" vertices");
             ui.add(budget);
         });
-        row("Error", "No part gets more than keeps its error below so many pixels; 0: the whole budget is spent", &mut |ui| {
-            ui.add(Slider::new(&mut settings.error_px, 0.0..=50.0).logarithmic(true).smallest_positive(0.05).suffix(" px"));
-        });
+        row(
+            "Error",
+            "No part gets more than keeps its error below so many pixels; 0: the whole budget is spent",
+            &mut |ui| {
+                ui.add(
+                    Slider::new(&mut settings.error_px, 0.0..=50.0)
+                        .logarithmic(true)
+                        .smallest_positive(0.05)
+                        .suffix(" px"),
+                );
+            },
+        );
         row("α", "Budgets grow with the projected area to the power of 1/α", &mut |ui| {
             ui.add(Slider::new(&mut settings.alpha, 1.0..=10.0).fixed_decimals(1));
         });
@@ -65,15 +75,23 @@ fn knobs(ui: &mut Ui, settings: &mut Settings) -> Changed {
         row("Upload", "Sent in a frame at most; the rest comes in later frames", &mut |ui| {
             cap(ui, &mut settings.upload_bytes, 1 << 10, 32 << 20);
         });
-        row("Memory", "For the model: tables, chunks and what belongs to them. A change opens it anew", &mut |ui| {
-            cap(ui, &mut settings.memory_bytes, 1 << 20, 1 << 30);
-        });
+        row(
+            "Memory",
+            "For the model: tables, chunks and what belongs to them. A change opens it anew",
+            &mut |ui| {
+                cap(ui, &mut settings.memory_bytes, 1 << 20, 1 << 30);
+            },
+        );
         row("GPU memory", "Buffers and picture. A change opens the model anew", &mut |ui| {
             cap(ui, &mut settings.gpu_memory_bytes, 1 << 20, 1 << 30);
         });
-        row("Disk", "Reads no more a second, to see what a slow disk does. A change opens the model anew", &mut |ui| {
-            cap(ui, &mut settings.read_rate, 100_000, 5_000_000);
-        });
+        row(
+            "Disk",
+            "Reads no more a second, to see what a slow disk does. A change opens the model anew",
+            &mut |ui| {
+                cap(ui, &mut settings.read_rate, 100_000, 5_000_000);
+            },
+        );
     });
     Changed { spending: settings.spending() != spending, caps: caps_of(settings) != caps }
 }
@@ -107,18 +125,71 @@ fn numbers(ui: &mut Ui, last: &FrameRecord, history: &History) {
     let total = history.total();
     let [middle, longest] = history.frame_ms();
     let rows: [(&str, String); 9] = [
-        ("Triangles", format!("{} drawn, {} sent", human::count(last.active_triangles), human::count(last.streamed_triangles))),
-        ("Vertices", format!("{} drawn, {} sent", human::count(last.active_vertices), human::count(last.streamed_vertices))),
-        ("Instances", format!("{} in view, {} wait for data, {} boxes", human::count(last.instances_visible), human::count(last.misses), human::count(last.boxes))),
-        ("Sent", format!("{} this frame; whole: {}", human::bytes(last.bytes_sent), human::bytes(last.bytes_whole))),
-        ("Since opened", format!("{} sent, {} read; {:.1} times less than whole", human::bytes(total.bytes_sent), human::bytes(total.disk_bytes), total.saving())),
-        ("Memory", format!("{} of the model, {} in all", human::bytes(last.resident_bytes), human::bytes(last.memory_bytes))),
+        (
+            "Triangles",
+            format!(
+                "{} drawn, {} sent",
+                human::count(last.active_triangles),
+                human::count(last.streamed_triangles)
+            ),
+        ),
+        (
+            "Vertices",
+            format!(
+                "{} drawn, {} sent",
+                human::count(last.active_vertices),
+                human::count(last.streamed_vertices)
+            ),
+        ),
+        (
+            "Instances",
+            format!(
+                "{} in view, {} wait for data, {} boxes",
+                human::count(last.instances_visible),
+                human::count(last.misses),
+                human::count(last.boxes)
+            ),
+        ),
+        (
+            "Sent",
+            format!(
+                "{} this frame; whole: {}",
+                human::bytes(last.bytes_sent),
+                human::bytes(last.bytes_whole)
+            ),
+        ),
+        (
+            "Since opened",
+            format!(
+                "{} sent, {} read; {:.1} times less than whole",
+                human::bytes(total.bytes_sent),
+                human::bytes(total.disk_bytes),
+                total.saving()
+            ),
+        ),
+        (
+            "Memory",
+            format!(
+                "{} of the model, {} in all",
+                human::bytes(last.resident_bytes),
+                human::bytes(last.memory_bytes)
+            ),
+        ),
         ("GPU memory", human::bytes(last.gpu_bytes)),
         ("Frame", format!("{:.1} ms; half below {middle:.1} ms, longest {longest:.1} ms", last.frame_ms)),
-        ("Stages", format!(
-            "select {:.1}, residency {:.1}, gather {:.1}, upload {:.1}, defragment {:.1}, reform {:.1}, draw {:.1} ms",
-            last.select_ms, last.residency_ms, last.gather_ms, last.upload_ms, last.defragment_ms, last.reform_ms, last.draw_ms
-        )),
+        (
+            "Stages",
+            format!(
+                "select {:.1}, residency {:.1}, gather {:.1}, upload {:.1}, defragment {:.1}, reform {:.1}, draw {:.1} ms",
+                last.select_ms,
+                last.residency_ms,
+                last.gather_ms,
+                last.upload_ms,
+                last.defragment_ms,
+                last.reform_ms,
+                last.draw_ms
+            ),
+        ),
     ];
     Grid::new("numbers").num_columns(2).striped(true).show(ui, |ui| {
         for (name, value) in rows {
@@ -160,9 +231,8 @@ fn bytes_plot(ui: &mut Ui, history: &History) {
 fn times_plot(ui: &mut Ui, history: &History) {
     let frame = history.curve(|record| record.frame_ms);
     let draw = history.curve(|record| record.draw_ms);
-    let stream = history.curve(|record| {
-        record.gather_ms + record.upload_ms + record.defragment_ms + record.reform_ms
-    });
+    let stream =
+        history.curve(|record| record.gather_ms + record.upload_ms + record.defragment_ms + record.reform_ms);
     let choose = history.curve(|record| record.select_ms + record.residency_ms);
     let lines = vec![("frame", frame), ("draw", draw), ("send and rebuild", stream), ("choose", choose)];
     plot(ui, "Milliseconds a frame", lines);

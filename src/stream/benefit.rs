@@ -1,0 +1,88 @@
+//! Tiers that are lacking in, the order in which they are read out: the most projected error removed for each byte first.
+
+use std::cmp::Reverse;
+
+use rayon::prelude::*;
+
+use crate::geometry::part::sampled_count;
+use crate::geometry::record::decode_error;
+use crate::scene::Scene;
+
+/// The first thing to arrive of a part takes the place of a box: it is so many times as urgent as its error tells.
+const FIRST: f32 = 4096.0;
+/// The most urgent requests are read in the order of the file among so many, ...
+const LEAST_WINDOW: usize = 1 << 10;
+/// ... later ones among twice as many each time, up to so many.
+const MOST_WINDOW: usize = 1 << 16;
+
+/// A chunk that is lacking; of two, the more urgent one is the lesser.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Lack {
+    /// Urgencies are not negative, so that their bits are in their order.
+    urgency: Reverse<u32>,
+    /// Coarse tiers before fine ones.
+    tier: Reverse<u32>,
+    part: u32,
+}
+
+impl Lack {
+    pub fn new(scene: &Scene, part: u32, tier: u32, urgency: f32) -> Self {
+        let is_first = tier as usize + 1 == scene.tiers(part).len();
+        let urgency = urgency.max(0.0) * if is_first { FIRST } else { 1.0 };
+        Self { urgency: Reverse(urgency.to_bits()), tier: Reverse(tier), part }
+    }
+
+    /// The part and the tier.
+    pub fn chunk(&self) -> (u32, u32) {
+        (self.part, self.tier.0)
+    }
+}
+
+/// How urgent each tier of a part is, from the coarsest to `finest`: the projected error that it removes for each byte,
+/// never more than that of a coarser one. `weight` is how much the part's whole error would be seen.
+pub(super) fn urgencies(scene: &Scene, part: u32, finest: u32, weight: f32) -> impl Iterator<Item = f32> {
+    let row = &scene.parts()[part as usize];
+    let tiers = scene.tiers(part);
+    let error_at = |vertices: u32| {
+        let holds = (0..row.errors.len()).find(|&j| sampled_count(row.vertices, j) <= vertices);
+        holds.map_or(1.0, |j| decode_error(row.errors[j], 1.0) as f32)
+    };
+    // With nothing there, it is off by its own size.
+    let mut before = 1.0;
+    let mut least = f32::INFINITY;
+    (finest as usize..tiers.len()).rev().map(move |tier| {
+        let after = error_at(tiers[tier].vertices);
+        let removed = (before - after).max(0.0);
+        before = after;
+        least = least.min(weight * removed / tiers[tier].bytes.max(1) as f32);
+        least
+    })
+}
+
+/// Gives `read` all that is lacking, window by window: the most urgent ones before the rest is looked at any further,
+/// each window in the order of the file, so that what lies together is read together.
+pub(super) fn by_urgency(
+    scene: &Scene,
+    mut lacks: Vec<Lack>,
+    mut read: impl FnMut(&mut dyn Iterator<Item = Lack>),
+) {
+    let mut left = &mut lacks[..];
+    let mut window = LEAST_WINDOW;
+    while !left.is_empty() {
+        let most = window.min(left.len());
+        if most < left.len() {
+            // What comes after this window need not be in order yet.
+            left.select_nth_unstable(most);
+        }
+        let (now, later) = left.split_at_mut(most);
+        let placed = |&lack: &Lack| {
+            let (part, tier) = lack.chunk();
+            (scene.tiers(part)[tier as usize].offset, lack)
+        };
+        let mut placed: Vec<(u64, Lack)> = now.par_iter().map(placed).collect();
+        placed.par_sort_unstable();
+        read(&mut placed.iter().map(|(_, lack)| *lack));
+        left = later;
+        window = (2 * window).min(MOST_WINDOW);
+    }
+}

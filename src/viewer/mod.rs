@@ -4,4 +4,8 @@
 //! newest wish into textures; the window's thread lays out panels, turns what the mouse and the keys do into wishes, and
 //! shows the newest texture.
 
+pub mod bookmarks;
+pub mod measure;
+pub mod mouse;
+pub mod navigation;
 pub mod panels;

@@ -78,6 +78,11 @@ impl Keyframes {
         }
     }
 
+    /// The keyframes.
+    pub fn keys(&self) -> &[Keyframe] {
+        &self.0
+    }
+
     /// Reads and checks one keyframe, or a list of them.
     ///
     /// # Errors

@@ -413,7 +413,7 @@ mod tests {
         let bounds = Bounds::new(DVec3::ZERO, DVec3::new(2.0, 3.0, 6.0));
         let what = What::Size { bounds, instances: 2, is_at_most: true };
         let measurement = Measurement { number: 1, what, error: 0.001, is_full: true };
-        assert_eq!(measurement.lines(&Units::default())[3].1, "7.000 ± 0.001 m");
+        assert_eq!(measurement.lines(&Units::default())[3].1, "7.0000 ± 0.0010 m");
         assert!(measurement.basis().contains("at most") && measurement.title().contains("2 parts"));
     }
 }

@@ -71,6 +71,20 @@ pub enum Input {
     },
 }
 
+impl Input {
+    fn is_finite(&self) -> bool {
+        match *self {
+            Self::Orbit { by } | Self::Pan { by } | Self::ZoomDrag { by } | Self::Look { by } => {
+                by.is_finite()
+            }
+            Self::Zoom { at, steps, picked } => {
+                at.is_finite() && steps.is_finite() && picked.is_none_or(DVec3::is_finite)
+            }
+            Self::Roll { from, to } => from.is_finite() && to.is_finite(),
+        }
+    }
+}
+
 /// The keys of fly mode that are down.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct FlyKeys {
@@ -181,6 +195,9 @@ impl Navigation {
     /// Moves the camera; stops what is on its way. Numbers that are not finite do nothing.
     pub fn apply(&mut self, input: Input, picture: Picture) {
         self.transition = None;
+        if !input.is_finite() {
+            return;
+        }
         let (camera, pivot, up) = (&self.camera, self.pivot, self.up.vector());
         let moved = match input {
             Input::Orbit { by } => motions::orbit(camera, pivot, by, picture, self.style, up),

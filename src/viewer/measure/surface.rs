@@ -61,6 +61,8 @@ pub struct Chain {
     pub points: Vec<DVec3>,
 }
 
+/// A triangle is met as far as this share of its size beside it.
+const SLACK: f64 = 1e-6;
 /// How many candidates are tried for being hidden by the surface itself.
 const MOST_CANDIDATES: usize = 8;
 /// An edge ends where the next piece turns by more than this: the corner of a plate, not a step of a round edge.
@@ -258,8 +260,8 @@ fn meets([a, b, c]: [DVec3; 3], direction: DVec3) -> Option<f64> {
     let q = (-a).cross(u_edge);
     let v = direction.dot(q) / determinant;
     let along = v_edge.dot(q) / determinant;
-    // A little slack, so that no line slips through between two triangles.
-    let inside = u >= -1e-12 && v >= -1e-12 && u + v <= 1.0 + 1e-12;
+    // Some slack, so that no line slips through between two triangles, even of a millimetre 10,000 km from the origin.
+    let inside = u >= -SLACK && v >= -SLACK && u + v <= 1.0 + SLACK;
     (inside && along > 0.0 && along.is_finite()).then_some(along)
 }
 

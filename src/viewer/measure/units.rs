@@ -150,12 +150,12 @@ mod tests {
     }
 
     #[test]
-    fn units_are_converted_exactly() {
+    fn units_are_converted_and_models_scaled() {
         let units = Units { model: Unit::In, shown: Unit::Mm, scale: 1.0 };
         assert_eq!(units.format(1.0, 0.01), "25.4 ± 0.3 mm");
         let models = Units { model: Unit::Mm, shown: Unit::M, scale: 50.0 };
         assert_eq!(models.format(1000.0, 1.0), "50.00 ± 0.05 m");
-        assert_eq!(Units { shown: Unit::Ft, ..Units::default() }.convert(0.3048), 1.0);
+        assert!((Units { shown: Unit::Ft, ..Units::default() }.convert(0.3048) - 1.0).abs() < 1e-15);
         assert_eq!(Units { scale: f64::NAN, ..Units::default() }.convert(2.0), 2.0);
         let text = serde_json::to_string(&units).unwrap();
         assert_eq!(serde_json::from_str::<Units>(&text).unwrap(), units);

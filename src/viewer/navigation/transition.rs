@@ -41,7 +41,8 @@ impl Transition {
     /// The camera after so many more seconds, and whether that is the end.
     pub fn advance(&mut self, seconds: f64) -> (Camera, bool) {
         self.elapsed += seconds.max(0.0);
-        let done = self.elapsed >= self.seconds;
+        // Fifteen sixtieths add up to a little less than a quarter.
+        let done = self.elapsed >= self.seconds - 1e-9;
         (if done { self.to } else { self.at(ease(self.elapsed / self.seconds)) }, done)
     }
 

@@ -416,4 +416,93 @@ mod tests {
         assert_eq!(measurement.lines(&Units::default())[3].1, "7.0000 ± 0.0010 m");
         assert!(measurement.basis().contains("at most") && measurement.title().contains("2 parts"));
     }
+
+    /// A baked part: a box of 2 x 3 x 6 with faces of 16 x 16 squares, at 100, 0, 0.
+    fn scene() -> Scene {
+        use crate::bake::{BakeOptions, BakeProgress, bake};
+        use std::fmt::Write as _;
+        let mut text = "o box\n".to_owned();
+        let mut vertices = 0;
+        for face in 0..6 {
+            let (axis, side) = (face / 2, face % 2);
+            for (i, j) in (0..17).flat_map(|i| (0..17).map(move |j| (i, j))) {
+                let mut at = [0.0; 3];
+                at[axis] = f64::from(side as u32);
+                at[(axis + 1) % 3] = f64::from(i) / 16.0;
+                at[(axis + 2) % 3] = f64::from(j) / 16.0;
+                writeln!(text, "v {} {} {}", 100.0 + 2.0 * at[0], 3.0 * at[1], 6.0 * at[2]).unwrap();
+            }
+            for (i, j) in (0..16).flat_map(|i| (0..16).map(move |j| (i, j))) {
+                let corner = |i: usize, j: usize| vertices + 17 * i + j + 1;
+                let mut quad = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
+                if side == 0 {
+                    quad.reverse();
+                }
+                let [a, b, c, d] = quad;
+                writeln!(text, "f {a} {b} {c}\nf {a} {c} {d}").unwrap();
+            }
+            vertices += 17 * 17;
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let (source, container) = (folder.path().join("box.obj"), folder.path().join("box.clps"));
+        std::fs::write(&source, text).unwrap();
+        bake(&[source], &container, &BakeOptions::default(), &BakeProgress::default()).unwrap();
+        Scene::open(&container).unwrap()
+    }
+
+    #[test]
+    fn a_baked_box_is_measured_as_large_as_it_is() {
+        let scene = scene();
+        let part = &scene.parts()[0];
+        let full = Surface::full_detail(&scene, 0).unwrap();
+        assert_eq!(full.triangles().len() as u32, part.triangles);
+        // Twelve edges of 16 pieces each, which are followed to the corners of the box.
+        let mut lengths: Vec<f64> = full.edges().iter().map(|&edge| full.chain(edge).length).collect();
+        lengths.sort_by(f64::total_cmp);
+        let error = 2.0 * instance_error(&scene, 0, part.vertices);
+        assert!(error < 1e-4, "{error}");
+        assert_eq!(lengths.len(), 12 * 16);
+        for (index, wanted) in [(0, 2.0), (64, 3.0), (128, 6.0), (191, 6.0)] {
+            assert!((lengths[index] - wanted).abs() <= error, "{index}: {} and not {wanted}", lengths[index]);
+        }
+        let mut tool = Measuring::default();
+        let size = tool.size(&scene, &[0]).unwrap();
+        assert!(size.is_full && matches!(size.what, What::Size { is_at_most: false, instances: 1, .. }));
+        assert!(
+            size.lines(&Units::default())[3].1.starts_with("7.00"),
+            "{:?}",
+            size.lines(&Units::default())
+        );
+        assert_eq!(tool.size(&scene, &[]), None);
+        assert_eq!(tool.size(&scene, &[99]), None);
+    }
+
+    #[test]
+    fn a_coarse_state_is_measured_within_the_error_that_is_stated() {
+        let scene = scene();
+        let part = &scene.parts()[0];
+        let count = scene.tiers(0).len() as u32;
+        let mut resident = crate::scene::part::ResidentPart::new(count);
+        assert_eq!(Surface::of_resident(&scene, 0, &resident, part.vertices), None);
+        for tier in (0..count).rev() {
+            resident.arrive(tier, scene.read_chunk(0, tier).unwrap());
+        }
+        let exact = Bounds::new(DVec3::new(100.0, 0.0, 0.0), DVec3::new(102.0, 3.0, 6.0));
+        for vn in (part.locked..part.vertices).filter(|&vn| resident.triangles_at().is_state(vn as usize)) {
+            let surface = Surface::of_resident(&scene, 0, &resident, vn).unwrap();
+            assert_eq!(
+                surface.triangles().len() as u32,
+                resident.triangles_at().count_at(vn as usize),
+                "{vn}"
+            );
+            assert!(!is_full_detail(&scene, 0, vn));
+            let used = surface.triangles().iter().flatten().map(|&point| surface.points()[point as usize]);
+            let bounds = used.fold(Bounds::EMPTY, Bounds::with_point);
+            let off = (bounds.low - exact.low).abs().max((bounds.high - exact.high).abs()).max_element();
+            let error = instance_error(&scene, 0, vn);
+            assert!(off <= error, "{vn} vertices are off by {off}, not {error}");
+        }
+        assert!(is_full_detail(&scene, 0, part.vertices) && !is_full_detail(&scene, 7, 9));
+        assert_eq!(instance_error(&scene, 7, 9), f64::INFINITY);
+    }
 }

@@ -59,7 +59,7 @@ pub enum OrbitStyle {
 /// A line of sight in world space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
-    /// Where it starts: the eye, or without perspective a point beside it.
+    /// Where it starts: the eye, or without perspective a point before all that is seen.
     pub start: DVec3,
     /// The unit direction in which one looks along it.
     pub direction: DVec3,
@@ -100,8 +100,9 @@ pub fn point_at_depth(camera: &Camera, picture: Picture, pixel: DVec2, depth: f6
 
 /// The line of sight through a pixel.
 pub fn ray_through(camera: &Camera, picture: Picture, pixel: DVec2) -> Ray {
-    if camera.parallel.is_some() {
-        return Ray { start: point_at_depth(camera, picture, pixel, 0.0), direction: camera.forward() };
+    if let Some(Parallel { reach, .. }) = camera.parallel {
+        // The eye is in the middle of what is seen.
+        return Ray { start: point_at_depth(camera, picture, pixel, -reach), direction: camera.forward() };
     }
     let slope = (pixel - picture.centre()) * (2.0 * half_tangent(camera) / picture.height);
     let direction = camera.world_from_view * DVec3::new(slope.x, -slope.y, -1.0).normalize();

@@ -317,7 +317,6 @@ mod tests {
         harness.run();
         harness.get_by_label("Rename bridge").click();
         harness.run();
-        harness.get_by_role(egui::Role::TextInput);
         harness.event(egui::Event::Text(" deck".into()));
         harness.run();
         harness.key_press(egui::Key::Enter);

@@ -54,10 +54,8 @@ impl Desk {
         let folder = tempfile::tempdir().unwrap();
         let mut app = App::new(Store::in_folder(&folder.path().join("settings")), Arc::new(|| ()));
         app.set_gpu(Arc::clone(gpu));
-        let harness = Harness::builder()
-            .with_size(Vec2::new(1000.0, 640.0))
-            .with_max_steps(2)
-            .build_ui_state(
+        let harness =
+            Harness::builder().with_size(Vec2::new(1000.0, 640.0)).with_max_steps(2).build_ui_state(
                 |ui, app: &mut App| {
                     app.poll();
                     app.show(ui, None);
@@ -72,7 +70,9 @@ impl Desk {
         let mut desk = Self::new(gpu);
         let engine = engine();
         desk.open(&engine);
-        desk.until("the first picture", |app| document(app).frame.as_ref().is_some_and(|frame| frame.is_settled));
+        desk.until("the first picture", |app| {
+            document(app).frame.as_ref().is_some_and(|frame| frame.is_settled)
+        });
         desk
     }
 
@@ -212,7 +212,9 @@ fn what_is_hidden_is_not_picked_and_nothing_is_sent_for_it() {
     desk.click(middle);
     desk.until("the pick has come", |app| document(app).watched.is_some());
     let first = document(desk.app()).watched;
-    let sent = |app: &App| document(app).history.records().map(|r| r.streamed_vertices + r.streamed_triangles).sum::<u64>();
+    let sent = |app: &App| {
+        document(app).history.records().map(|r| r.streamed_vertices + r.streamed_triangles).sum::<u64>()
+    };
     let before = sent(desk.app());
     let frames = document(desk.app()).history.total().frames;
     desk.press(Modifiers::NONE, Key::H);
@@ -339,7 +341,9 @@ fn the_picture_is_saved_or_it_is_said_why_not() {
     assert_eq!(image::image_dimensions(&good).unwrap(), (size[0], size[1]));
     let bad = desk.folder.path().join("no folder").join("picture.png");
     desk.document().save_picture(bad);
-    desk.until("it is said", |app| app.messages.texts().any(|text| text.contains("picture.png") && text.contains("cannot")));
+    desk.until("it is said", |app| {
+        app.messages.texts().any(|text| text.contains("picture.png") && text.contains("cannot"))
+    });
     desk.act(Action::Quit);
     assert_eq!(desk.harness.state_mut().asks(), [Ask::Quit]);
 }
@@ -368,7 +372,9 @@ fn memory_that_runs_out_halves_the_budget_and_a_lost_device_is_asked_for_anew() 
             own.lose("for a test");
             desk.document().navigation.begin(None);
             desk.act(Action::ToggleDepthCue);
-            desk.until("a device is asked for", |app| app.messages.texts().any(|text| text.contains("was lost")));
+            desk.until("a device is asked for", |app| {
+                app.messages.texts().any(|text| text.contains("was lost"))
+            });
             assert_eq!(desk.harness.state_mut().asks(), [Ask::NewDevice]);
         }
         desk.harness.state_mut().set_gpu(gpu);
@@ -391,6 +397,9 @@ fn any_size_can_be_shown() {
     desk.harness.step();
     let size = document(desk.app()).size;
     desk.until("a picture of that size", |app| {
-        document(app).frame.as_ref().is_some_and(|frame| [frame.target.width(), frame.target.height()] == size)
+        document(app)
+            .frame
+            .as_ref()
+            .is_some_and(|frame| [frame.target.width(), frame.target.height()] == size)
     });
 }

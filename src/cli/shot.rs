@@ -158,7 +158,7 @@ fn take(arguments: &ShotArguments, gpu: &Arc<Gpu>, scene: &Arc<Scene>) -> Result
     let record = renderer.frame(&camera)?;
     renderer.target().save_png(&gpu.device, &gpu.queue, &arguments.output)?;
     Ok(format!(
-        "{} of {} triangles in {} of {} instances: {}\n",
+        "{} of {} triangles in {} of {} instances: {}",
         human::count(record.active_triangles),
         human::count(scene.counts().triangles_placed),
         human::count(record.instances_visible),

@@ -171,11 +171,11 @@ impl Layout {
             Action::Isolate => document.to_selected(|visibility, selected| visibility.isolate(selected)),
             Action::Ghost => document.to_selected(|visibility, selected| visibility.ghost(selected)),
             Action::ShowAll => visibility.show_all(),
+            // A first point that waits for the second goes first.
+            Action::SelectNone if self.measuring.cancel() => {}
             Action::SelectNone => {
-                if !self.measuring.cancel() {
-                    visibility.select(visibility.set_of_instance(None));
-                    document.watched = None;
-                }
+                visibility.select(visibility.set_of_instance(None));
+                document.watched = None;
             }
             Action::SelectAll => {
                 visibility.select(visibility.set_of_instance(None));
@@ -346,13 +346,19 @@ impl Panels<'_> {
     }
 }
 
+/// A panel's own background, with room around what is in it.
+fn filled(ui: &Ui, margin: f32) -> egui::Frame {
+    ui.painter().rect_filled(ui.max_rect(), 0.0, ui.visuals().panel_fill);
+    egui::Frame::NONE.inner_margin(margin)
+}
+
 impl Behavior<Pane> for Panels<'_> {
     fn pane_ui(&mut self, ui: &mut Ui, _: TileId, pane: &mut Pane) -> UiResponse {
         match *pane {
             Pane::Picture => self.picture(ui),
-            Pane::Tree => drop(egui::Frame::NONE.inner_margin(4.0).show(ui, |ui| self.tree(ui))),
+            Pane::Tree => drop(filled(ui, 4.0).show(ui, |ui| self.tree(ui))),
             pane => {
-                egui::Frame::NONE.inner_margin(8.0).show(ui, |ui| {
+                filled(ui, 8.0).show(ui, |ui| {
                     egui::ScrollArea::both().auto_shrink(false).show(ui, |ui| self.pane(ui, pane));
                 });
             }

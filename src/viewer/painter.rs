@@ -261,7 +261,7 @@ impl<'a> Easel<'a> {
             let mut shared = shared.0.lock();
             shared.news.done.extend(done.into_iter().flatten());
             if let Some(frame) = frame {
-                shared.news.records.push(frame.record.clone());
+                shared.news.records.push(frame.record);
                 shared.news.frame = Some(frame);
             }
             drop(shared);

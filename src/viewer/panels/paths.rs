@@ -74,7 +74,7 @@ impl PathDialog {
     pub fn show(&mut self, context: &egui::Context, recent: &[PathBuf]) -> Option<Ended> {
         let modal = Modal::new(Id::unique("path dialog")).show(context, |ui| self.contents(ui, recent));
         let should_close = modal.should_close();
-        match modal.inner.or_else(|| self.from_system()) {
+        match modal.inner.or_else(|| self.system_choice()) {
             Some(path) => Some(Ended::Chosen(self.want, path)),
             None => should_close.then_some(Ended::Closed),
         }
@@ -139,7 +139,7 @@ impl PathDialog {
         self.system = Some(receiver);
     }
 
-    fn from_system(&mut self) -> Option<PathBuf> {
+    fn system_choice(&mut self) -> Option<PathBuf> {
         match self.system.as_ref()?.try_recv() {
             Ok(chosen) => {
                 self.system = None;

@@ -296,3 +296,28 @@ fn edges_depth_cues_and_projections_draw_what_they_say() {
     };
     assert!(lit(1.0) < lit(0.0));
 }
+
+#[test]
+fn what_is_hidden_leaves_its_budget_to_the_rest_once_the_camera_moves() {
+    let Some(gpu) = gpu("what_is_hidden_leaves_its_budget_to_the_rest_once_the_camera_moves") else { return };
+    let scene = spheres(5);
+    let camera = front(&scene);
+    let settings = Settings { budget_vertices: 1500, ..settings() };
+    let mut renderer = Renderer::new(gpu, Arc::clone(&scene), settings).unwrap();
+    settle(&mut renderer, &camera);
+    let of_middle = |renderer: &Renderer| renderer.states()[2].vertices;
+    let before = of_middle(&renderer);
+    let mut looks = vec![Look::HIDDEN; 5];
+    looks[2] = Look::default();
+    renderer.set_looks(&looks);
+    settle(&mut renderer, &camera);
+    assert_eq!(of_middle(&renderer), before);
+    let moved = Camera { eye: camera.eye + DVec3::Y * 0.1, ..camera };
+    settle(&mut renderer, &moved);
+    assert!(of_middle(&renderer) > 2 * before, "{before} {}", of_middle(&renderer));
+    assert_eq!(renderer.states()[0].vertices, 0);
+    renderer.set_looks(&[Look::default(); 5]);
+    let record = settle(&mut renderer, &moved);
+    assert_eq!(record.instances_visible, 5);
+    assert!(renderer.states().iter().all(|state| state.vertices > 0));
+}

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::{FrameError, PassesOn, Renderer, milliseconds_since};
 use crate::gpu::GpuError;
@@ -116,14 +117,20 @@ impl Renderer {
         self.style = style;
     }
 
-    /// How every instance looks, by its number, for the next frame on.
+    /// How every instance looks, by its number, for the next frame on. What is hidden keeps what it has on the GPU until the
+    /// camera moves, so that it can be shown again for nothing; then it takes no part in the budget any more.
     ///
     /// # Panics
     /// There is not one for each instance.
     pub fn set_looks(&mut self, looks: &[Look]) {
         self.looks.all.copy_from_slice(looks);
-        self.looks.any_ghost = looks.iter().any(|look| look.has(Look::GHOST));
+        self.looks.any_ghost = looks.par_iter().any(|look| look.has(Look::GHOST));
         self.looks.changed = true;
+        let lacks = self.wishes.leave_out(hidden_of(looks));
+        if lacks {
+            // As if the camera had moved.
+            self.view = None;
+        }
     }
 
     /// What is in a pixel of the last frame, counted from the upper left corner. Waits for the GPU.
@@ -161,6 +168,17 @@ impl Renderer {
         }
         Ok(std::mem::replace(&mut self.target, target))
     }
+}
+
+/// A bit for each instance that is hidden; no bits if none is.
+fn hidden_of(looks: &[Look]) -> Vec<u64> {
+    if !looks.par_iter().any(|look| look.has(Look::HIDDEN)) {
+        return Vec::new();
+    }
+    let word = |looks: &[Look]| {
+        looks.iter().enumerate().fold(0, |word, (i, look)| word | u64::from(look.has(Look::HIDDEN)) << i)
+    };
+    looks.par_chunks(64).map(word).collect()
 }
 
 /// What the draw pass needs of batches that have something to draw.

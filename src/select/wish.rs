@@ -54,6 +54,8 @@ pub struct Wishes {
     visible: Vec<u32>,
     changes: Vec<WishChange>,
     cull: Cull,
+    /// Instances that nobody wants to see, in the order of bits; none if empty.
+    left_out: Vec<u64>,
     gpu: Option<GpuSelect>,
 }
 
@@ -78,7 +80,7 @@ impl Wishes {
             SelectOn::Cpu => None,
         };
         let cull = Cull::new(scene.groups(), &rows);
-        Ok(Self { rows, wishes, visible: Vec::new(), changes: Vec::new(), cull, gpu })
+        Ok(Self { rows, wishes, visible: Vec::new(), changes: Vec::new(), cull, left_out: Vec::new(), gpu })
     }
 
     /// The wishes of the last [`Wishes::update`], one an instance; 0 for a culled one.
@@ -89,6 +91,16 @@ impl Wishes {
     /// The instances with a wish above 0, ascending.
     pub fn visible(&self) -> &[u32] {
         &self.visible
+    }
+
+    /// From the next [`Wishes::update`] on these instances are as if they were culled: one bit for each, or none at all. Says
+    /// whether one that is wanted again has no wish.
+    pub fn leave_out(&mut self, instances: Vec<u64>) -> bool {
+        let before = std::mem::replace(&mut self.left_out, instances);
+        let is_out =
+            |words: &[u64], i: usize| words.get(i / 64).is_some_and(|word| word >> (i % 64) & 1 != 0);
+        let lacks = |i: usize| is_out(&before, i) && !is_out(&self.left_out, i) && self.wishes[i] == 0;
+        !before.is_empty() && (0..self.wishes.len()).any(lacks)
     }
 
     /// The instances that a view does not cull, ascending; wishes stay as they are.
@@ -110,7 +122,16 @@ impl Wishes {
         wait: bool,
     ) -> Result<bool, GpuError> {
         let params = view.params(self.rows.len() as u32);
-        let candidates = self.cull.find(scene.groups(), &params);
+        let culled = self.cull.find(scene.groups(), &params);
+        let kept: Vec<u32>;
+        let candidates = match self.left_out.as_slice() {
+            [] => culled,
+            left_out => {
+                let is_wanted = |&i: &u32| left_out[i as usize / 64] >> (i % 64) & 1 == 0;
+                kept = culled.iter().copied().filter(is_wanted).collect();
+                &kept
+            }
+        };
         let found = match &mut self.gpu {
             None => {
                 let spent = spend(&self.rows, candidates, &params, &self.wishes);

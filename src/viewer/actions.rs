@@ -216,21 +216,38 @@ impl Entry {
     }
 }
 
-/// What keys that nobody types text with ask for.
+/// What keys that nobody types text with ask for, in the order in which they were pressed. What comes after one that opens
+/// a field to type in is typed text, however late it is looked at.
 pub fn pressed(context: &egui::Context) -> Vec<Action> {
     if context.egui_wants_keyboard_input() {
         return Vec::new();
     }
-    // Those with more modifiers first, for the others would take them.
-    let mut keyed: Vec<(KeyboardShortcut, Action)> =
-        ENTRIES.iter().filter_map(|entry| Some((entry.key?, entry.action))).collect();
-    let modifiers = |key: &KeyboardShortcut| {
-        u32::from(key.modifiers.shift) + u32::from(key.modifiers.command) + u32::from(key.modifiers.alt)
-    };
-    keyed.sort_by_key(|(key, _)| std::cmp::Reverse(modifiers(key)));
     context.input_mut(|input| {
-        keyed.into_iter().filter(|(key, _)| input.consume_shortcut(key)).map(|(_, action)| action).collect()
+        let mut actions: Vec<Action> = Vec::new();
+        input.events.retain(|event| {
+            let types = actions.last().is_some_and(|action| action.wants_text());
+            let found = if types { None } else { action_of(event) };
+            actions.extend(found);
+            found.is_none()
+        });
+        actions
     })
+}
+
+/// What the press of a key asks for.
+fn action_of(event: &egui::Event) -> Option<Action> {
+    let egui::Event::Key { key, pressed: true, modifiers, .. } = event else { return None };
+    let is_it = |shortcut: KeyboardShortcut| {
+        shortcut.logical_key == *key && modifiers.matches_exact(shortcut.modifiers)
+    };
+    ENTRIES.iter().find(|entry| entry.key.is_some_and(is_it)).map(|entry| entry.action)
+}
+
+impl Action {
+    /// Whether a field to type in comes of it.
+    fn wants_text(self) -> bool {
+        matches!(self, Self::Search | Self::Palette | Self::Open | Self::SavePicture | Self::SaveWindow)
+    }
 }
 
 #[cfg(test)]

@@ -287,6 +287,7 @@ impl Panels<'_> {
             instance: self.document.watched,
             reading,
             bounds: self.document.bounds_of_watched(),
+            counts: self.document.loaded.counts,
         };
         properties::show(ui, &of);
     }

@@ -10,7 +10,7 @@ use super::assembly::Assembly;
 use super::search::Search;
 use crate::bake::beside::{Beside, beside};
 use crate::bake::{BakeError, BakeOptions, BakeProgress, bake};
-use crate::scene::Scene;
+use crate::scene::{Scene, SceneCounts};
 
 /// A scene and what the panels look up in it.
 pub struct Loaded {
@@ -24,6 +24,8 @@ pub struct Loaded {
     pub assembly: Arc<Assembly>,
     /// What is looked up by name in it.
     pub search: Search,
+    /// How large it is.
+    pub counts: SceneCounts,
 }
 
 /// How far it is.
@@ -120,9 +122,10 @@ fn load(file: &Path, progress: &BakeProgress) -> Result<Option<Loaded>, String> 
         return Ok(None);
     }
     let scene = Arc::new(Scene::open(&container).map_err(|error| wrong(&error))?);
+    let counts = scene.counts();
     let assembly = Arc::new(Assembly::of(&scene));
     let search = Search::new(&assembly, scene.as_ref());
-    Ok(Some(Loaded { file: file.to_owned(), container, scene, assembly, search }))
+    Ok(Some(Loaded { file: file.to_owned(), container, scene, assembly, search, counts }))
 }
 
 fn bake_beside(model: &Path, container: &Path, progress: &BakeProgress) -> Result<(), BakeError> {

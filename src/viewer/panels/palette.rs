@@ -56,12 +56,11 @@ impl Palette {
         let entries = found(&self.text, has_model);
         let [up, down, enter] =
             [Key::ArrowUp, Key::ArrowDown, Key::Enter].map(|key| ui.input(|i| i.key_pressed(key)));
-        let field = ui.add(
-            TextEdit::singleline(&mut self.text)
-                .hint_text("What shall be done?")
-                .desired_width(f32::INFINITY),
-        );
-        field.request_focus();
+        let id = egui::Id::unique("palette text");
+        // Before the field is laid out, so that it takes what was typed since it was asked for.
+        ui.memory_mut(|memory| memory.request_focus(id));
+        let field = TextEdit::singleline(&mut self.text).id(id).hint_text("What shall be done?");
+        let field = ui.add(field.desired_width(f32::INFINITY));
         if field.changed() {
             self.chosen = 0;
         }

@@ -2,7 +2,7 @@
 
 use egui::{Grid, Ui};
 
-use crate::scene::{Bounds, Scene};
+use crate::scene::{Bounds, Scene, SceneCounts};
 use crate::stats::report::human;
 use crate::viewer::reading::Reading;
 
@@ -17,14 +17,16 @@ pub struct Selected<'a> {
     pub instance: Option<u32>,
     /// How that one is drawn.
     pub reading: Option<Reading>,
-    /// The box of all of them.
+    /// The box of that one.
     pub bounds: Bounds,
+    /// How large the model is.
+    pub counts: SceneCounts,
 }
 
 /// Shows it.
 pub fn show(ui: &mut Ui, selected: &Selected<'_>) {
     let Some(instance) = selected.instance else {
-        model(ui, selected.scene);
+        model(ui, selected.scene, &selected.counts);
         return;
     };
     if selected.count > 1 {
@@ -42,8 +44,7 @@ pub fn show(ui: &mut Ui, selected: &Selected<'_>) {
     });
 }
 
-fn model(ui: &mut Ui, scene: &Scene) {
-    let counts = scene.counts();
+fn model(ui: &mut Ui, scene: &Scene, counts: &SceneCounts) {
     let rows = [
         ("Model", scene.file_name()),
         ("Parts", human::count(counts.parts)),

@@ -144,13 +144,16 @@ impl TreePanel {
     ) {
         ui.horizontal(|ui| {
             let width = ui.available_width();
+            let id = list.with("search");
+            if std::mem::take(&mut self.wants_focus) {
+                // Before the field is laid out, so that it takes what was typed since.
+                ui.memory_mut(|memory| memory.request_focus(id));
+            }
             let field = TextEdit::singleline(&mut self.query)
+                .id(id)
                 .hint_text("Search")
                 .desired_width((width - if self.found.is_some() { 110.0 } else { 8.0 }).max(40.0));
             let field = ui.add(field).accessible_name("Search the tree");
-            if std::mem::take(&mut self.wants_focus) {
-                field.request_focus();
-            }
             let [enter, escape] = [Key::Enter, Key::Escape]
                 .map(|key| field.lost_focus() && ui.input(|input| input.key_pressed(key)));
             if enter {

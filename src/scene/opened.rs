@@ -11,9 +11,8 @@ use glam::{DMat3, DVec3};
 use super::bounds::Bounds;
 use super::file::PayloadFile;
 use super::mapped::MapError;
-use super::part::Chunk;
 use crate::container::{
-    ChunkRow, ChunkSpec, Container, ContainerError, Groups, InstanceRow, PartRow, SectionKind,
+    Chunk, ChunkRow, ChunkSpec, Container, ContainerError, Groups, InstanceRow, PartRow, SectionKind,
 };
 use crate::import::Colour;
 
@@ -208,13 +207,14 @@ impl Scene {
         &self.rows(&self.chunks)[first..first + part.tier_count as usize]
     }
 
-    /// Reads and checks a chunk; may wait for the disk.
+    /// Reads, decodes and checks a chunk; may wait for the disk. `coarser` are the chunks of all coarser tiers, the next
+    /// coarser one first, which only a compressed chunk needs.
     ///
     /// # Errors
     /// The chunk is damaged, or the file has become shorter.
-    pub fn read_chunk(&self, part: u32, tier: u32) -> Result<Chunk, ContainerError> {
+    pub fn read_chunk(&self, part: u32, tier: u32, coarser: &[&Chunk]) -> Result<Chunk, ContainerError> {
         let spec = ChunkSpec::new(part, &self.parts()[part as usize], self.tiers(part), tier as usize);
-        Chunk::read(spec, |bytes| {
+        Chunk::read(spec, coarser, |bytes| {
             self.file.read_at(bytes, spec.row.offset).map_err(|cause| match cause.kind() {
                 io::ErrorKind::UnexpectedEof => ContainerError::CutShort,
                 _ => ContainerError::Read { cause },

@@ -1,6 +1,7 @@
 //! Granted states in, bytes for the GPU out: what is held, what is lacking, and how it is sent.
 //!
 //! 1. [`residency`] keeps the chunks that have been read from the file; its workers own the disk.
+//!    `known` tells them where chunks are that others are stored as differences from, and
 //!    [`prefetch`] tells what a camera that moves will see next.
 //! 2. [`delta`] says for every instance what its new state has that the old one lacks.
 //! 3. [`strategy`] decides what of it is sent: the lack (`coherent`), or everything (`whole`, `per-part`).
@@ -9,6 +10,7 @@
 
 pub mod delta;
 pub mod gather;
+mod known;
 pub mod prefetch;
 pub mod residency;
 pub mod staging;

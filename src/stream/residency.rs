@@ -18,11 +18,12 @@ use crossbeam_channel::{Receiver, Sender, unbounded};
 use parking_lot::{Condvar, Mutex};
 use rayon::prelude::*;
 
-use crate::container::ContainerError;
+use super::known::{Known, is_compressed};
+use crate::container::{Chunk, ContainerError};
 use crate::geometry::part::sampled_count;
 use crate::geometry::record::decode_error;
 use crate::scene::Scene;
-use crate::scene::part::{Chunk, ResidentPart};
+use crate::scene::part::{ResidentPart, bytes_of};
 
 /// Why data did not arrive.
 #[derive(Debug, thiserror::Error)]
@@ -64,7 +65,7 @@ struct Request {
     bytes: u64,
 }
 
-type Arrival = (Request, Result<Chunk, ContainerError>);
+type Arrival = (Request, Result<Arc<Chunk>, ContainerError>);
 
 /// What the workers share with the frame thread.
 #[derive(Default)]
@@ -72,6 +73,9 @@ struct Todo {
     queue: VecDeque<Request>,
     /// What a worker has taken and the frame thread has not got yet.
     in_flight: Vec<Request>,
+    /// The parts of which a worker is reading a chunk: only one at a time, because a finer one may be stored as
+    /// differences from a coarser one.
+    busy: Vec<u32>,
     closed: bool,
 }
 
@@ -82,6 +86,7 @@ struct Shared {
     read_rate: Option<u64>,
     /// When the disk that is as slow as asked for is free again.
     free_at: Mutex<Instant>,
+    known: Known<Chunk>,
 }
 
 /// The chunks that are in memory, and the workers that bring more.
@@ -117,6 +122,7 @@ impl Residency {
             changed: Condvar::new(),
             read_rate: options.read_rate,
             free_at: Mutex::new(Instant::now()),
+            known: Known::default(),
         });
         let workers = (0..WORKERS)
             .map(|_| {
@@ -227,7 +233,7 @@ impl Residency {
     fn bytes_of(&self, part: u32, tier: u32) -> u64 {
         let tiers = self.shared.scene.tiers(part);
         let below = tiers.get(tier as usize + 1).map_or(0, |row| row.vertices);
-        Chunk::bytes_of(&tiers[tier as usize], below)
+        bytes_of(&tiers[tier as usize], below)
     }
 
     fn bytes_from(&self, part: u32, finest: u32) -> u64 {
@@ -250,7 +256,9 @@ impl Residency {
             let after = error_at(tiers[tier].vertices);
             let removed = (before - after).max(0.0);
             before = after;
-            least = least.min(want.weight * removed / tiers[tier].bytes.max(1) as f32);
+            let below = tiers.get(tier + 1).map_or(0, |row| row.vertices);
+            let bytes = tiers[tier].plain_bytes(tiers[tier].vertices.saturating_sub(below));
+            least = least.min(want.weight * removed / bytes.max(1) as f32);
             least
         })
     }
@@ -431,12 +439,48 @@ impl Shared {
             if todo.closed {
                 return None;
             }
-            if let Some(request) = todo.queue.pop_front() {
+            let free = todo.queue.iter().position(|request| !todo.busy.contains(&request.part));
+            if let Some(request) = free.and_then(|place| todo.queue.remove(place)) {
                 todo.in_flight.push(request);
+                todo.busy.push(request.part);
                 return Some(request);
             }
             self.changed.wait(&mut todo);
         }
+    }
+
+    /// Lets others read chunks of this part again.
+    fn give_back(&self, part: u32) {
+        self.todo.lock().busy.retain(|&other| other != part);
+        self.changed.notify_one();
+    }
+
+    /// Reads a chunk, and what it is stored as differences from, if that is not in memory.
+    fn read(&self, part: u32, tier: u32) -> Result<Arc<Chunk>, ContainerError> {
+        let tiers = self.scene.tiers(part);
+        let mut coarser: VecDeque<Arc<Chunk>> = VecDeque::new();
+        if is_compressed(&tiers[tier as usize]) {
+            for other in (tier + 1..tiers.len() as u32).rev() {
+                let known = self.known.get((part, other));
+                coarser.push_front(known.map_or_else(|| self.read_one(part, other, &coarser), Ok)?);
+            }
+        }
+        self.read_one(part, tier, &coarser)
+    }
+
+    fn read_one(
+        &self,
+        part: u32,
+        tier: u32,
+        coarser: &VecDeque<Arc<Chunk>>,
+    ) -> Result<Arc<Chunk>, ContainerError> {
+        let coarser: Vec<&Chunk> = coarser.iter().map(Arc::as_ref).collect();
+        let chunk = Arc::new(self.scene.read_chunk(part, tier, &coarser)?);
+        self.pace(chunk.spec().row.bytes.into());
+        if self.scene.tiers(part)[..tier as usize].iter().any(is_compressed) {
+            self.known.add((part, tier), &chunk);
+        }
+        Ok(chunk)
     }
 
     /// Waits as long as a slow disk would take.
@@ -458,8 +502,8 @@ fn urgent_first((a, r): &(f32, Request), (b, s): &(f32, Request)) -> Ordering {
 
 fn serve(shared: &Shared, done: &Sender<Arrival>) {
     while let Some(request) = shared.take() {
-        let chunk = shared.scene.read_chunk(request.part, request.tier);
-        shared.pace(request.bytes);
+        let chunk = shared.read(request.part, request.tier);
+        shared.give_back(request.part);
         if done.send((request, chunk)).is_err() {
             return;
         }

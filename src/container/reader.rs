@@ -198,8 +198,9 @@ impl<'a> Container<'a> {
     /// # Errors
     /// As [`Chunk::read`], and [`ContainerError::NoSuchChunk`].
     pub fn chunks(&self, part: usize, tier: usize) -> Result<Vec<Chunk>, ContainerError> {
+        self.chunk_spec(part, tier)?;
         let mut chunks: VecDeque<Chunk> = VecDeque::new();
-        for tier in (tier..self.chunk_rows(part).len().max(tier + 1)).rev() {
+        for tier in (tier..self.chunk_rows(part).len()).rev() {
             let spec = self.chunk_spec(part, tier)?;
             let stored = self.file_range(spec.range())?;
             let read = |bytes: &mut [u8]| {

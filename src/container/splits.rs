@@ -20,7 +20,7 @@ const END: u32 = u32::MAX;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Contradiction(pub &'static str);
 
-/// A corner of the vertex that is split: its number `3 t + c`, and the other two vertices of its triangle.
+/// A corner of the vertex that is split: its number `4 t + c`, and the other two vertices of its triangle.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct StarCorner {
     pub corner: u32,
@@ -68,7 +68,7 @@ impl Corners {
         let mut corners = Self {
             triangles: Vec::with_capacity(triangles),
             first: vec![END; vertices],
-            following: Vec::with_capacity(3 * triangles),
+            following: Vec::with_capacity(4 * triangles),
         };
         base.for_each(|triangle| corners.push(triangle));
         corners
@@ -76,11 +76,10 @@ impl Corners {
 
     /// Adds a triangle; its vertices are below the number of vertices.
     fn push(&mut self, triangle: [u16; 3]) {
-        for vertex in triangle {
-            let first = &mut self.first[usize::from(vertex)];
-            self.following.push(*first);
-            *first = self.following.len() as u32 - 1;
-        }
+        let corners = (4 * self.triangles.len() as u32..).zip(triangle);
+        let following =
+            corners.map(|(corner, vertex)| std::mem::replace(&mut self.first[usize::from(vertex)], corner));
+        self.following.extend(following.chain([END]));
         self.triangles.push(triangle);
     }
 
@@ -89,8 +88,8 @@ impl Corners {
         star.clear();
         let mut corner = self.first[usize::from(vertex)];
         while corner != END {
-            let triangle = &self.triangles[corner as usize / 3];
-            let [next, previous] = match corner % 3 {
+            let triangle = &self.triangles[corner as usize / 4];
+            let [next, previous] = match corner % 4 {
                 0 => [triangle[1], triangle[2]],
                 1 => [triangle[2], triangle[0]],
                 _ => [triangle[0], triangle[1]],
@@ -108,50 +107,83 @@ impl Corners {
             self.following[corner.corner as usize] = *end;
             *end = corner.corner;
             if corner.moves {
-                self.triangles[corner.corner as usize / 3][corner.corner as usize % 3] = vertex;
+                self.triangles[corner.corner as usize / 4][corner.corner as usize % 4 % 3] = vertex;
             }
         }
         [self.first[usize::from(onto)], self.first[usize::from(vertex)]] = ends;
     }
 }
 
-/// Triangles that would close a gap, the likelier first: between corners that were neighbours, and at open edges.
+/// The triangles that would close the gaps which the splits of a group leave.
 #[derive(Default)]
 struct Gaps {
     likely: Vec<[u16; 3]>,
-    open: Vec<[u16; 3]>,
+    /// The corners at what was split, one vertex after another, ...
+    stars: Vec<StarCorner>,
+    /// ... and for each the vertex, what it was split off, and where its corners end.
+    ends: Vec<(u16, u16, usize)>,
 }
 
 impl Gaps {
     fn clear(&mut self) {
         self.likely.clear();
-        self.open.clear();
+        self.stars.clear();
+        self.ends.clear();
     }
 
-    /// Those that the split of one vertex leaves.
+    /// Those between a corner that moves and a neighbour that stays.
     fn add(&mut self, vertex: u16, onto: u16, star: &[StarCorner]) {
-        if star.len() > MOST_MATCHED || self.likely.len() + self.open.len() > MOST_LIKELY {
+        if star.len() > MOST_MATCHED || self.likely.len() > MOST_LIKELY || self.stars.len() > MOST_LIKELY {
             return;
         }
-        for corner in star {
-            // Along the edge from the vertex to `next`, and along the one from `previous` to it.
-            match star.iter().find(|other| other.previous == corner.next) {
-                Some(other) if other.moves == corner.moves => {}
-                Some(_) => self.likely.push(beyond(corner.moves, vertex, onto, corner.next)),
-                None => self.open.push(beyond(corner.moves, vertex, onto, corner.next)),
-            }
-            if !star.iter().any(|other| other.next == corner.previous) {
-                self.open.push(beyond(!corner.moves, vertex, onto, corner.previous));
+        let (mut movers, mut stayers) = ([[0; 2]; MOST_MATCHED], [[0; 2]; MOST_MATCHED]);
+        let mut moving = 0;
+        for (place, corner) in star.iter().enumerate() {
+            // Both are written and one is counted, which costs less than a branch that nobody can foretell.
+            movers[moving] = [corner.next, corner.previous];
+            stayers[place - moving] = [corner.next, corner.previous];
+            moving += usize::from(corner.moves);
+        }
+        for [next, previous] in &movers[..moving] {
+            for [other_next, other_previous] in &stayers[..star.len() - moving] {
+                if next == other_previous {
+                    self.likely.push([vertex, onto, *next]);
+                }
+                if previous == other_next {
+                    self.likely.push([vertex, *previous, onto]);
+                }
             }
         }
+        self.stars.extend_from_slice(star);
+        self.ends.push((vertex, onto, self.stars.len()));
     }
 
-    /// All of a group, which then are no longer told apart.
-    fn all(&mut self) -> &[[u16; 3]] {
+    /// All for so many new triangles, in order; those at open edges come last, and only if they are needed.
+    fn all(&mut self, count: usize) -> &[[u16; 3]] {
         self.likely.sort_unstable();
-        self.open.sort_unstable();
-        self.likely.append(&mut self.open);
+        let between = self.likely.len();
+        if between < count {
+            self.add_open();
+            self.likely[between..].sort_unstable();
+        }
         &self.likely
+    }
+
+    /// Those at edges of one triangle.
+    fn add_open(&mut self) {
+        let mut start = 0;
+        for &(vertex, onto, end) in &self.ends {
+            let star = &self.stars[start..end];
+            start = end;
+            for corner in star {
+                if star.iter().all(|other| other.previous != corner.next) {
+                    self.likely.push(beyond(corner.moves, vertex, onto, corner.next));
+                }
+                if star.iter().all(|other| other.next != corner.previous) {
+                    self.likely.push(beyond(!corner.moves, vertex, onto, corner.previous));
+                }
+            }
+        }
     }
 }
 
@@ -185,7 +217,8 @@ pub(super) fn undo(
             corners.split(vertex as u16, onto, &star);
         }
         if byte != CONTINUES {
-            bear(&mut corners, vertex, count, gaps.all(), added.triangles, teller)?;
+            let likely = gaps.all(count as usize);
+            bear(&mut corners, vertex, count, likely, added.triangles, teller)?;
             gaps.clear();
         }
     }

@@ -184,9 +184,14 @@ pub fn height_field(n: u32) -> SourceMesh {
 
 /// Bakes a file and opens the container.
 pub fn baked(source: &Path) -> Arc<Scene> {
+    baked_with(source, &BakeOptions::default())
+}
+
+/// Bakes a file in a certain way and opens the container.
+pub fn baked_with(source: &Path, options: &BakeOptions) -> Arc<Scene> {
     let folder = tempfile::tempdir().unwrap();
     let container = folder.path().join("model.clps");
-    bake(&[source.to_owned()], &container, &BakeOptions::default(), &BakeProgress::default()).unwrap();
+    bake(&[source.to_owned()], &container, options, &BakeProgress::default()).unwrap();
     Arc::new(Scene::open(&container).unwrap())
 }
 

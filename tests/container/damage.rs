@@ -56,6 +56,9 @@ fn every_contradiction_in_the_tables_is_named() {
         (1, 1, 12, 0, "its tiers do not have fewer and fewer vertices"),
         (1, 1, 16, 1000, "more triangles than the next finer one"),
         (1, 0, 20, 1000, "overflow entries"),
+        (1, 0, 20, 3 << 16, "the form 3, which is unknown"),
+        (1, 0, 20, 1 << 16, "its counts call for"),
+        (1, 0, 20, 0xffff_0000, "the form 65535, which is unknown"),
         (2, 0, 0, 3, "instance 0: it names part 3, but there are 3"),
         (2, 0, 4, 3, "instance 0: it names node 3, but there are 3"),
         (2, 0, 8, 2, "instance 0: it names material 2, but there are 2"),
@@ -249,7 +252,7 @@ fn no_more_than_a_hundred_findings_are_collected() {
 }
 
 /// Uses everything of a container that opens.
-fn exercise(file: &Aligned) {
+pub fn exercise(file: &Aligned) {
     let Ok(container) = Container::open(file.get()) else { return };
     let report = inspect(&container);
     for part in 0..container.parts().len() {

@@ -13,7 +13,7 @@ use zstd::bulk::{Compressor, Decompressor};
 use zstd::zstd_safe::CParameter;
 
 use super::chunk::{ChunkSpec, ChunkView};
-use super::splits::{Added, Contradiction, StarCorner, Teller, undo};
+use super::splits::{Added, Contradiction, Teller, undo};
 use crate::geometry::record::{Attributes, GRID_BITS};
 use crate::geometry::triangles_at::{CONTINUES, OVERFLOWS};
 use crate::geometry::{TriangleRecord, VertexRecord};
@@ -176,27 +176,33 @@ struct Knows<'a> {
     taken: usize,
     most_masks: usize,
     masks: Vec<u8>,
+    /// How many bits of the last mask are used; none of a new vertex.
+    bit: u32,
     born: Vec<u8>,
     corners: Vec<u8>,
 }
 
 impl Teller for Knows<'_> {
-    fn moves(&mut self, vertex: u32, star: &mut [StarCorner]) -> Result<(), Contradiction> {
+    fn begin(&mut self, vertex: u32) {
         let [start, end] = self.answers.places[(vertex - self.first) as usize];
         let moved = &self.answers.moved[start as usize..end as usize];
         moved.iter().for_each(|&corner| self.is_moving[corner as usize] = true);
-        for eight in star.chunks_mut(8) {
-            let mut mask = 0;
-            for (bit, corner) in eight.iter_mut().enumerate() {
-                corner.moves = std::mem::take(&mut self.is_moving[corner.corner as usize]);
-                mask |= u8::from(corner.moves) << bit;
-            }
-            self.masks.push(mask);
+        self.bit = 0;
+    }
+
+    fn moves(&mut self, corner: u32) -> Result<bool, Contradiction> {
+        let moves = std::mem::take(&mut self.is_moving[corner as usize]);
+        if self.bit == 0 {
+            self.masks.push(0);
         }
+        if let Some(mask) = self.masks.last_mut() {
+            *mask |= u8::from(moves) << self.bit;
+        }
+        self.bit = (self.bit + 1) % 8;
         if self.masks.len() > self.most_masks {
             return Err(Contradiction("its vertices have too many corners"));
         }
-        Ok(())
+        Ok(moves)
     }
 
     fn triangle(&mut self, likely: &[[u16; 3]], next: &mut usize) -> Result<[u16; 3], Contradiction> {
@@ -273,11 +279,12 @@ fn streams_of(
         taken: 0,
         most_masks: most_mask_bytes(fine.len(), view.ecol.len()),
         masks: Vec::new(),
+        bit: 0,
         born: Vec::new(),
         corners: Vec::new(),
     };
     let told = undo(coarser.iter().map(|triangle| triangle.vertices), &added, &mut knows);
-    if told.as_ref() != Ok(&fine) {
+    if !told.is_ok_and(|told| told.iter().map(|t| &t[..3]).eq(fine.iter().map(|t| &t[..]))) {
         return None;
     }
     let mut streams = view.added.to_vec();
@@ -407,18 +414,28 @@ impl<'a> Cursor<'a> {
 
 /// The teller that reads.
 struct Reads<'a> {
-    masks: Cursor<'a>,
+    masks: &'a [u8],
+    /// What is left of the mask at hand, below a one.
+    mask: u32,
     born: std::slice::Iter<'a, u8>,
     corners: Cursor<'a>,
 }
 
 impl Teller for Reads<'_> {
-    fn moves(&mut self, _: u32, star: &mut [StarCorner]) -> Result<(), Contradiction> {
-        let masks = self.masks.take(star.len().div_ceil(8))?;
-        for (eight, &mask) in star.chunks_mut(8).zip(masks) {
-            eight.iter_mut().enumerate().for_each(|(bit, corner)| corner.moves = mask >> bit & 1 != 0);
+    fn begin(&mut self, _: u32) {
+        self.mask = 1;
+    }
+
+    fn moves(&mut self, _: u32) -> Result<bool, Contradiction> {
+        // A one above the bits that are left.
+        if self.mask == 1 {
+            let (&mask, after) =
+                self.masks.split_first().ok_or(Contradiction("its streams end too early"))?;
+            (self.mask, self.masks) = (0x100 | u32::from(mask), after);
         }
-        Ok(())
+        let moves = self.mask & 1 != 0;
+        self.mask >>= 1;
+        Ok(moves)
     }
 
     fn triangle(&mut self, likely: &[[u16; 3]], next: &mut usize) -> Result<[u16; 3], Contradiction> {
@@ -474,16 +491,16 @@ pub(super) fn decompress(
     let corners = rest.take(6 * born.iter().filter(|&&code| code == EXPLICIT).count())?;
     let flags = rest.take(spec.row.triangles as usize)?;
     let vertices = vertices(spec, &ecol, &added, below, &mut rest)?;
-    let mut reads = Reads { masks: rest, born: born.iter(), corners: Cursor(corners) };
+    let mut reads = Reads { masks: rest.0, mask: 1, born: born.iter(), corners: Cursor(corners) };
     let counts = counts(&added, overflow.iter().map(|entry| entry[1]));
     let base = coarser.iter().map(|triangle| triangle.vertices);
     let triangles = undo(base, &added_of(spec, &ecol, &added, &counts), &mut reads)?;
-    if !reads.masks.0.is_empty() {
+    if !reads.masks.is_empty() {
         return Err(Contradiction("its streams go on after their end"));
     }
     let before = coarser.iter().map(|triangle| triangle.flags).chain(std::iter::repeat(0));
     let flags = flags.iter().zip(before).map(|(&flags, before)| u16::from(flags) ^ before);
-    let record = |(vertices, flags)| TriangleRecord { vertices, flags };
+    let record = |([a, b, c, _], flags): ([u16; 4], u16)| TriangleRecord { vertices: [a, b, c], flags };
     let triangles = triangles.into_iter().zip(flags).map(record).collect();
     Ok(Lists { triangles, vertices, overflow, ecol, added })
 }

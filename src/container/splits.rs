@@ -20,23 +20,54 @@ const END: u32 = u32::MAX;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Contradiction(pub &'static str);
 
-/// A corner of the vertex that is split: its number `4 t + c`, and the other two vertices of its triangle.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct StarCorner {
-    pub corner: u32,
-    pub next: u16,
-    pub previous: u16,
-    /// Whether the new vertex takes it over.
-    pub moves: bool,
-}
-
 /// Who knows what each vertex brings back.
 pub(super) trait Teller {
-    /// Sets which corners the new vertex takes over.
-    fn moves(&mut self, vertex: u32, star: &mut [StarCorner]) -> Result<(), Contradiction>;
+    /// A vertex is about to be split: its corners are asked for next.
+    fn begin(&mut self, vertex: u32);
+    /// Whether the new vertex takes over a corner, the one with the number `4 t + c`.
+    fn moves(&mut self, corner: u32) -> Result<bool, Contradiction>;
     /// The next new triangle; `likely` are the ones that would close a gap, the likelier first, `next` the one after the
     /// last that was taken.
     fn triangle(&mut self, likely: &[[u16; 3]], next: &mut usize) -> Result<[u16; 3], Contradiction>;
+}
+
+/// A corner of the vertex that is split: the other two vertices of its triangle, the next and the previous one.
+type Sides = [u16; 2];
+
+/// The corners of a vertex that is split: those that move to the new one, and those that stay. Of a vertex with more than
+/// [`MOST_MATCHED`] none is kept.
+struct Star {
+    movers: [Sides; MOST_MATCHED + 1],
+    stayers: [Sides; MOST_MATCHED + 1],
+    counts: [usize; 2],
+}
+
+impl Star {
+    const EMPTY: Self =
+        Self { movers: [[0; 2]; MOST_MATCHED + 1], stayers: [[0; 2]; MOST_MATCHED + 1], counts: [0; 2] };
+
+    fn add(&mut self, sides: Sides, moves: bool) {
+        let [staying, moving] = self.counts;
+        if staying + moving > MOST_MATCHED {
+            return;
+        }
+        // Both are written and one is counted, which costs less than a branch that nobody can foretell.
+        self.movers[moving] = sides;
+        self.stayers[staying] = sides;
+        self.counts[usize::from(moves)] += 1;
+    }
+
+    fn is_too_large(&self) -> bool {
+        self.counts[0] + self.counts[1] > MOST_MATCHED
+    }
+
+    fn movers(&self) -> &[Sides] {
+        &self.movers[..self.counts[1]]
+    }
+
+    fn stayers(&self) -> &[Sides] {
+        &self.stayers[..self.counts[0]]
+    }
 }
 
 /// What a tier adds, besides its triangles.
@@ -57,60 +88,63 @@ pub(super) struct Added<'a> {
 
 /// Triangles, and the corners at each vertex.
 struct Corners {
-    triangles: Vec<[u16; 3]>,
-    first: Vec<u32>,
-    following: Vec<u32>,
+    /// Three vertices each, and a zero.
+    triangles: Vec<[u16; 4]>,
+    /// For each corner the next one of its vertex; then, from `heads` on, for each vertex its first.
+    links: Vec<u32>,
+    heads: usize,
 }
+
+/// The places in a triangle after each, and before it.
+const NEXT: [usize; 4] = [1, 2, 0, 0];
+const PREVIOUS: [usize; 4] = [2, 0, 1, 0];
 
 impl Corners {
     /// The corners of so many triangles, the base first.
     fn new(base: impl Iterator<Item = [u16; 3]>, triangles: usize, vertices: usize) -> Self {
         let mut corners = Self {
             triangles: Vec::with_capacity(triangles),
-            first: vec![END; vertices],
-            following: Vec::with_capacity(4 * triangles),
+            links: vec![END; 4 * triangles + vertices],
+            heads: 4 * triangles,
         };
-        base.for_each(|triangle| corners.push(triangle));
+        base.take(triangles).for_each(|triangle| corners.push(triangle));
         corners
     }
 
-    /// Adds a triangle; its vertices are below the number of vertices.
+    /// Adds a triangle; its vertices are below the number of vertices, and there is room for it.
     fn push(&mut self, triangle: [u16; 3]) {
-        let corners = (4 * self.triangles.len() as u32..).zip(triangle);
-        let following =
-            corners.map(|(corner, vertex)| std::mem::replace(&mut self.first[usize::from(vertex)], corner));
-        self.following.extend(following.chain([END]));
-        self.triangles.push(triangle);
+        for (corner, vertex) in (4 * self.triangles.len()..).zip(triangle) {
+            let head = self.heads + usize::from(vertex);
+            self.links[corner] = std::mem::replace(&mut self.links[head], corner as u32);
+        }
+        let [a, b, c] = triangle;
+        self.triangles.push([a, b, c, 0]);
     }
 
-    /// Lists the corners at a vertex, the newest first.
-    fn star(&self, vertex: u16, star: &mut Vec<StarCorner>) {
-        star.clear();
-        let mut corner = self.first[usize::from(vertex)];
+    /// Hands the corners that move to the new vertex, the newest first; both lists keep their order.
+    fn split(
+        &mut self,
+        vertex: u16,
+        onto: u16,
+        star: &mut Star,
+        teller: &mut impl Teller,
+    ) -> Result<(), Contradiction> {
+        star.counts = [0; 2];
+        let mut ends = [onto, vertex].map(|vertex| self.heads + usize::from(vertex));
+        let mut corner = self.links[ends[0]];
         while corner != END {
-            let triangle = &self.triangles[corner as usize / 4];
-            let [next, previous] = match corner % 4 {
-                0 => [triangle[1], triangle[2]],
-                1 => [triangle[2], triangle[0]],
-                _ => [triangle[0], triangle[1]],
-            };
-            star.push(StarCorner { corner, next, previous, moves: false });
-            corner = self.following[corner as usize];
+            let following = self.links[corner as usize];
+            let moves = teller.moves(corner)?;
+            let triangle = &mut self.triangles[corner as usize / 4];
+            let place = corner as usize % 4;
+            star.add([triangle[NEXT[place]], triangle[PREVIOUS[place]]], moves);
+            triangle[place] = if moves { vertex } else { onto };
+            self.links[ends[usize::from(moves)]] = corner;
+            ends[usize::from(moves)] = corner as usize;
+            corner = following;
         }
-    }
-
-    /// Hands the corners that move to the new vertex; both lists keep their order.
-    fn split(&mut self, vertex: u16, onto: u16, star: &[StarCorner]) {
-        let mut ends = [END; 2];
-        for corner in star.iter().rev() {
-            let end = &mut ends[usize::from(corner.moves)];
-            self.following[corner.corner as usize] = *end;
-            *end = corner.corner;
-            if corner.moves {
-                self.triangles[corner.corner as usize / 4][corner.corner as usize % 4 % 3] = vertex;
-            }
-        }
-        [self.first[usize::from(onto)], self.first[usize::from(vertex)]] = ends;
+        ends.into_iter().for_each(|end| self.links[end] = END);
+        Ok(())
     }
 }
 
@@ -118,8 +152,8 @@ impl Corners {
 #[derive(Default)]
 struct Gaps {
     likely: Vec<[u16; 3]>,
-    /// The corners at what was split, one vertex after another, ...
-    stars: Vec<StarCorner>,
+    /// The corners at what was split and whether they moved, one vertex after another, ...
+    stars: Vec<(Sides, bool)>,
     /// ... and for each the vertex, what it was split off, and where its corners end.
     ends: Vec<(u16, u16, usize)>,
 }
@@ -132,29 +166,22 @@ impl Gaps {
     }
 
     /// Those between a corner that moves and a neighbour that stays.
-    fn add(&mut self, vertex: u16, onto: u16, star: &[StarCorner]) {
-        if star.len() > MOST_MATCHED || self.likely.len() > MOST_LIKELY || self.stars.len() > MOST_LIKELY {
+    fn add(&mut self, vertex: u16, onto: u16, star: &Star) {
+        if star.is_too_large() || self.likely.len() > MOST_LIKELY || self.stars.len() > MOST_LIKELY {
             return;
         }
-        let (mut movers, mut stayers) = ([[0; 2]; MOST_MATCHED], [[0; 2]; MOST_MATCHED]);
-        let mut moving = 0;
-        for (place, corner) in star.iter().enumerate() {
-            // Both are written and one is counted, which costs less than a branch that nobody can foretell.
-            movers[moving] = [corner.next, corner.previous];
-            stayers[place - moving] = [corner.next, corner.previous];
-            moving += usize::from(corner.moves);
-        }
-        for [next, previous] in &movers[..moving] {
-            for [other_next, other_previous] in &stayers[..star.len() - moving] {
+        for &[next, previous] in star.movers() {
+            for &[other_next, other_previous] in star.stayers() {
                 if next == other_previous {
-                    self.likely.push([vertex, onto, *next]);
+                    self.likely.push([vertex, onto, next]);
                 }
                 if previous == other_next {
-                    self.likely.push([vertex, *previous, onto]);
+                    self.likely.push([vertex, previous, onto]);
                 }
             }
         }
-        self.stars.extend_from_slice(star);
+        self.stars.extend(star.movers().iter().map(|&sides| (sides, true)));
+        self.stars.extend(star.stayers().iter().map(|&sides| (sides, false)));
         self.ends.push((vertex, onto, self.stars.len()));
     }
 
@@ -175,12 +202,12 @@ impl Gaps {
         for &(vertex, onto, end) in &self.ends {
             let star = &self.stars[start..end];
             start = end;
-            for corner in star {
-                if star.iter().all(|other| other.previous != corner.next) {
-                    self.likely.push(beyond(corner.moves, vertex, onto, corner.next));
+            for &([next, previous], moves) in star {
+                if star.iter().all(|(other, _)| other[1] != next) {
+                    self.likely.push(beyond(moves, vertex, onto, next));
                 }
-                if star.iter().all(|other| other.next != corner.previous) {
-                    self.likely.push(beyond(!corner.moves, vertex, onto, corner.previous));
+                if star.iter().all(|(other, _)| other[0] != previous) {
+                    self.likely.push(beyond(!moves, vertex, onto, previous));
                 }
             }
         }
@@ -197,24 +224,25 @@ fn beyond(after: bool, vertex: u16, onto: u16, third: u16) -> [u16; 3] {
 /// The caller has checked that vertices are at most 65,536, that `ecol` goes down from `locked` on, and that triangles of
 /// the base name vertices below `first` only.
 ///
+/// Gives the triangles, each with a zero after its vertices.
+///
 /// # Errors
 /// What the teller says, and new triangles that name vertices which are not there yet or are more or fewer than stated.
 pub(super) fn undo(
     base: impl Iterator<Item = [u16; 3]>,
     added: &Added<'_>,
     teller: &mut impl Teller,
-) -> Result<Vec<[u16; 3]>, Contradiction> {
+) -> Result<Vec<[u16; 4]>, Contradiction> {
     let end = added.first as usize + added.ecol.len();
     let mut corners = Corners::new(base, added.triangles, end);
     let mut gaps = Gaps::default();
-    let mut star = Vec::new();
+    let mut star = Star::EMPTY;
     let entries = added.ecol.iter().zip(added.bytes).zip(added.counts);
     for (vertex, ((&onto, &byte), &count)) in (added.first..).zip(entries) {
         if vertex >= added.locked {
-            corners.star(onto, &mut star);
-            teller.moves(vertex, &mut star)?;
+            teller.begin(vertex);
+            corners.split(vertex as u16, onto, &mut star, teller)?;
             gaps.add(vertex as u16, onto, &star);
-            corners.split(vertex as u16, onto, &star);
         }
         if byte != CONTINUES {
             let likely = gaps.all(count as usize);

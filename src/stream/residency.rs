@@ -4,8 +4,8 @@
 //! error removed for each byte first, so that where the cap bites the error rises evenly over the view. What is in memory
 //! and not wanted stays as long as there is room, and goes in the order in which it was last wanted.
 //!
-//! Workers own the file: they read a chunk, check it against its checksum and hand it over, so that the frame thread
-//! never waits for a page. The list of what they read next is replaced by every plan: what is no longer wanted is never
+//! Workers own the file: they read a chunk, check it against its checksum, decode it and hand it over, so that the frame
+//! thread never waits for a page. The cap counts what chunks take once they are decoded. The list of what they read next is replaced by every plan: what is no longer wanted is never
 //! read. What is being read counts within the cap. What is drawn is what has arrived.
 
 use std::cmp::{Ordering, Reverse};
@@ -110,7 +110,16 @@ pub struct Residency {
 }
 
 /// More readers than this do not make a disk faster.
-const WORKERS: usize = 2;
+const READERS: usize = 2;
+/// Where what is read is compressed, half of the cores decode it, but no more than this.
+const DECODERS: usize = 8;
+
+fn worker_count(scene: &Scene) -> usize {
+    let compressed =
+        (0..scene.parts().len() as u32).take(100).any(|part| scene.tiers(part).iter().any(is_compressed));
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    if compressed { (cores / 2).clamp(READERS, DECODERS) } else { READERS }
+}
 
 impl Residency {
     /// Starts the workers; nothing is read yet.
@@ -124,7 +133,7 @@ impl Residency {
             free_at: Mutex::new(Instant::now()),
             known: Known::default(),
         });
-        let workers = (0..WORKERS)
+        let workers = (0..worker_count(scene))
             .map(|_| {
                 let (shared, done) = (Arc::clone(&shared), done.clone());
                 std::thread::spawn(move || serve(&shared, &done))

@@ -237,8 +237,8 @@ fn what_comes_next_takes_only_what_is_free() {
     assert!(capped.is_capped() && capped.part(11).vertices_arrived() == 0 && capped.bytes_held() <= less);
 }
 
-/// Compressed chunks are decoded from coarser ones that were read with them, are held, or were evicted and are read again:
-/// what arrives is the same as without, it takes the same room, and what is read for it is less.
+/// Compressed chunks are decoded from coarser ones that were read with them or are held: what arrives is the same as
+/// without, it takes the same room, and what is read for it is less.
 #[test]
 fn compressed_chunks_arrive_as_plain_ones() {
     let scenes = [false, true].map(scene_stored);

@@ -310,3 +310,91 @@ impl Readers {
         std::thread::sleep(until.saturating_duration_since(Instant::now()));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fmt::Write as _;
+
+    use super::*;
+    use crate::bake::{BakeOptions, BakeProgress, bake};
+
+    /// Two wavy sheets, compressed.
+    fn readers() -> Readers {
+        let mut text = String::new();
+        for sheet in 0..2 {
+            writeln!(text, "o sheet{sheet}").unwrap();
+            for (i, j) in (0..40).flat_map(|i| (0..40).map(move |j| (i, j))) {
+                let height = 3.0 * f64::from(i * (sheet + 3)).sin() * (0.1 * f64::from(j)).cos();
+                writeln!(text, "v {i} {j} {height}").unwrap();
+            }
+            for (i, j) in (0..39).flat_map(|i| (0..39).map(move |j| (i, j))) {
+                let [a, b] = [0, 1].map(|step| 1600 * sheet + 40 * (i + step) + j + 1);
+                writeln!(text, "f {a} {b} {}\nf {a} {} {}", b + 1, b + 1, a + 1).unwrap();
+            }
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let [source, path] = ["sheets.obj", "sheets.clps"].map(|name| folder.path().join(name));
+        std::fs::write(&source, text).unwrap();
+        let options = BakeOptions { compress: true, ..BakeOptions::default() };
+        bake(&[source], &path, &options, &BakeProgress::default()).unwrap();
+        let readers = Readers::new(&Arc::new(Scene::open(&path).unwrap()), None);
+        assert!(readers.scene.tiers(0).len() > 2 && readers.scene.tiers(0).iter().all(is_compressed));
+        readers
+    }
+
+    fn request(part: u32, tier: u32) -> Request {
+        Request { part, tier, bytes: 100 }
+    }
+
+    fn tiers(readers: &Readers) -> u32 {
+        readers.scene.tiers(0).len() as u32
+    }
+
+    #[test]
+    fn what_a_chunk_is_decoded_from_is_read_again_only_where_it_is_not_held() {
+        let readers = readers();
+        let all: u64 = (0..tiers(&readers)).map(|tier| readers.bytes_stored(0, tier)).sum();
+        let whole = readers.scene.read_part(0).unwrap();
+        let (mut buffer, mut alone, mut together) = (Vec::new(), Vec::new(), Vec::new());
+        assert_eq!(readers.read(&mut [request(0, 0)], &mut buffer, &mut alone), all);
+        assert!(
+            matches!(&alone[0].1, Ok(Read::Chunk(chunk)) if chunk.view().triangles == whole.triangles(0))
+        );
+        let mut each: Vec<Request> = (0..tiers(&readers)).map(|tier| request(0, tier)).collect();
+        assert_eq!(readers.read(&mut each, &mut buffer, &mut together), all);
+        let mut part = ResidentPart::new(tiers(&readers));
+        for (request, read) in together {
+            match read.unwrap() {
+                Read::Part(coarsest) => part.arrive_all(*coarsest),
+                Read::Chunk(chunk) => part.arrive(request.tier, chunk),
+            }
+        }
+        let vertices = 0..readers.scene.parts()[0].vertices;
+        let flat =
+            |part: &ResidentPart| part.vertices(vertices.clone()).flatten().copied().collect::<Vec<_>>();
+        assert_eq!(flat(&part), flat(&whole));
+        assert_eq!(part.triangles(0), whole.triangles(0));
+        // What has arrived is held, so that only the chunk itself is read.
+        let own = readers.bytes_stored(0, 0);
+        assert_eq!(readers.read(&mut [request(0, 0)], &mut buffer, &mut Vec::new()), own);
+    }
+
+    #[test]
+    fn of_a_part_with_compressed_chunks_one_thread_takes_any() {
+        let readers = readers();
+        let taken = |given: &[Request]| {
+            let mut taken = Vec::new();
+            readers.give(When::Now, given.iter().copied());
+            assert!(readers.take(&mut taken));
+            taken
+        };
+        let first = taken(&[request(0, 2), request(0, 1)]);
+        assert_eq!(first, [request(0, 2), request(0, 1)]);
+        let second = taken(&[request(0, 0), request(1, 1)]);
+        assert_eq!(second, [request(1, 1)]);
+        assert_eq!(readers.bytes_in_flight(), 300);
+        readers.give_back(&first);
+        assert_eq!(taken(&[request(1, 0)]), [request(0, 0)]);
+        assert_eq!(readers.withdraw(When::Now), [request(1, 0)]);
+    }
+}

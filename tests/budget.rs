@@ -11,7 +11,7 @@ mod common;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use collapsar::container::{Contents, StoredInstance, StoredPart, write};
+use collapsar::container::{Contents, Form, StoredInstance, StoredPart, write};
 use collapsar::geometry::Boundary;
 use collapsar::geometry::body::order_part;
 use collapsar::import::{Material, Node};
@@ -57,7 +57,7 @@ fn scene_of(sizes: &[u32], placements: &[([f64; 3], f64)]) -> Arc<Scene> {
     };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.clps");
-    write(&path, &contents, &AtomicBool::new(false)).unwrap();
+    write(&path, &contents, Form::Plain, &AtomicBool::new(false)).unwrap();
     Arc::new(Scene::open(&path).unwrap())
 }
 

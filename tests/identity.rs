@@ -14,6 +14,7 @@ mod common;
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
+use collapsar::bake::BakeOptions;
 use collapsar::frame::{ContentDigest, PassesOn, Renderer, Settings};
 use collapsar::gpu::{Gpu, GpuOptions, testing};
 use collapsar::scene::{CameraPath, Scene};
@@ -332,4 +333,28 @@ fn all_ways_draw_the_same_largest() {
         common::baked(&file)
     };
     all_ways_draw_the_same(&gpu, &scene, Settings { budget_vertices: 300_000, ..SMALL }, 300, &PATHS);
+}
+
+/// How chunks are stored changes nothing that is drawn, under a cap either: what is kept is chosen by bytes in memory.
+#[test]
+fn compressed_chunks_draw_the_same() {
+    let Some(gpu) = gpu("compressed_chunks_draw_the_same") else { return };
+    let options = BakeOptions { compress: true, ..BakeOptions::default() };
+    let (plain, compressed) = (truck(), common::baked_with(&common::bundled("peterbilt.obj"), &options));
+    assert!(compressed.counts().file_bytes * 2 < plain.counts().file_bytes);
+    let capped = Settings { memory_limit_bytes: Some(6_000_000), ..SMALL };
+    for (settings, path) in [(SMALL, "walk"), (SMALL, "teleport"), (capped, "teleport")] {
+        for strategy in Strategy::ALL {
+            let settings = Settings { strategy, ..settings };
+            let [a, b] = [&plain, &compressed].map(|scene| fly(&gpu, scene, path, 12, settings));
+            let differs = digests(&a).iter().zip(&digests(&b)).position(|(a, b)| a != b);
+            assert_eq!(differs, None, "compressed differs with {strategy:?} on `{path}` first at this frame");
+            let read = |flight: &[(FrameRecord, ContentDigest)]| {
+                flight.iter().map(|frame| frame.0.disk_bytes).sum::<u64>()
+            };
+            assert!(read(&b) * 2 < read(&a) && read(&b) > 0, "what is read is what is stored");
+            let held = |flight: &[(FrameRecord, ContentDigest)]| flight[11].0.resident_bytes;
+            assert_eq!(held(&a), held(&b), "what is held is what is in memory");
+        }
+    }
 }

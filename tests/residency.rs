@@ -9,6 +9,7 @@ mod common;
 use std::collections::BTreeSet;
 use std::sync::{Arc, OnceLock};
 
+use collapsar::bake::BakeOptions;
 use collapsar::frame::{FrameError, Renderer, Settings};
 use collapsar::gpu::{Gpu, GpuOptions, testing};
 use collapsar::scene::{Camera, CameraPath, Scene};
@@ -30,6 +31,10 @@ fn device(test: &str) -> Option<Arc<Gpu>> {
 
 /// Parts of many sizes, each in its own place.
 fn scene() -> Arc<Scene> {
+    scene_stored(false)
+}
+
+fn scene_stored(compress: bool) -> Arc<Scene> {
     let meshes: Vec<_> = (0..40u32)
         .map(|i| {
             let mut mesh = common::height_field(6 + i % 8 * 9);
@@ -38,7 +43,7 @@ fn scene() -> Arc<Scene> {
             mesh
         })
         .collect();
-    common::baked_meshes(&meshes)
+    common::baked_meshes_with(&meshes, &BakeOptions { compress, ..BakeOptions::default() })
 }
 
 const SETTINGS: fn() -> Settings = || Settings {
@@ -232,6 +237,44 @@ fn what_comes_next_takes_only_what_is_free() {
     assert!(capped.is_capped() && capped.part(11).vertices_arrived() == 0 && capped.bytes_held() <= less);
 }
 
+/// Compressed chunks are decoded from coarser ones that were read with them or are held: what arrives is the same as
+/// without, it takes the same room, and what is read for it is less.
+#[test]
+fn compressed_chunks_arrive_as_plain_ones() {
+    let scenes = [false, true].map(scene_stored);
+    let parts = scenes[0].parts().len() as u32;
+    let tiers = |part: u32| scenes[0].tiers(part).len() as u32;
+    let finer = |from: u32| (0..parts).filter(move |part| part % 2 == from % 2);
+    let all = |from: u32, tier: fn(u32) -> u32| -> Vec<Wanted> {
+        finer(from).map(|part| Wanted { part, tier: tier(tiers(part)), weight: 1.0 }).collect()
+    };
+    let plans = [all(0, |tiers| tiers - 1), all(0, |tiers| tiers / 2), all(1, |_| 0), all(0, |_| 0)];
+    assert!((0..parts).any(|part| tiers(part) > 3), "several coarser ones");
+    for share in [2.0, 0.6, 0.2] {
+        let whole: u64 = (0..parts).map(|part| scenes[0].read_part(part).unwrap().bytes()).sum();
+        let cap_bytes = Some((whole as f64 * share) as u64);
+        let with = |scene| Residency::new(scene, ResidencyOptions { cap_bytes, read_rate: None });
+        let [mut plain, mut compressed] = [with(&scenes[0]), with(&scenes[1])];
+        let mut read = [0, 0];
+        for plan in &plans {
+            for (bytes, residency) in read.iter_mut().zip([&mut plain, &mut compressed]) {
+                residency.plan(plan);
+                residency.settle().unwrap();
+                *bytes += residency.take_bytes_read();
+            }
+            assert_eq!(plain.bytes_held(), compressed.bytes_held());
+            for (a, b) in (0..parts).map(|part| (plain.part(part), compressed.part(part))) {
+                let vertices = 0..a.vertices_arrived();
+                assert_eq!(a.vertices_arrived(), b.vertices_arrived());
+                assert!(a.vertices(vertices.clone()).eq(b.vertices(vertices.clone())));
+                assert!(a.ecol(vertices.clone()).eq(b.ecol(vertices)));
+                assert!((0..8).all(|tier| a.triangles(tier) == b.triangles(tier)));
+            }
+        }
+        assert!(read[1] * 2 < read[0] && read[1] > 0, "{read:?}");
+    }
+}
+
 /// What is wanted of every part of a scene, as a view may: changed here and there from plan to plan.
 #[derive(Debug, Clone)]
 struct Step {
@@ -263,11 +306,15 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 64, ..ProptestConfig::default() })]
 
     /// Following what changes comes to the same as planning everything anew, under any cap: what is there, what was read and
-    /// evicted for it in every step. What is told of parts without a look at them is so.
+    /// evicted for it in every step, compressed or not. What is told of parts without a look at them is so.
     #[test]
-    fn following_changes_is_planning_over_everything(steps in steps_of(40), share in 0.05..1.5f64) {
-        static SCENE: OnceLock<Arc<Scene>> = OnceLock::new();
-        let scene = SCENE.get_or_init(scene);
+    fn following_changes_is_planning_over_everything(
+        steps in steps_of(40),
+        share in 0.05..1.5f64,
+        compress in any::<bool>(),
+    ) {
+        static SCENES: [OnceLock<Arc<Scene>>; 2] = [OnceLock::new(), OnceLock::new()];
+        let scene = SCENES[usize::from(compress)].get_or_init(|| scene_stored(compress));
         let parts = scene.parts().len();
         let whole: Vec<Wanted> =
             (0..parts as u32).map(|part| Wanted { part, tier: 0, weight: 1.0 }).collect();

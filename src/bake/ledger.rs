@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::container::{ChunkRow, ContainerError, EncodedPart, PartRow};
+use crate::container::{ChunkRow, ContainerError, EncodedPart, Form, PartRow};
 use crate::geometry::body::{BodyOutcome, WeldCounts};
 
 /// What the weld of a mesh (or of the merged meshes of a body) found, and how many cells it became.
@@ -57,13 +57,14 @@ pub(crate) struct BodyRows {
 }
 
 impl BodyRows {
-    /// Encodes a body; gives its rows, whose chunks lie one after another in the bytes beside them, part by part.
+    /// Encodes a body, its chunks in a form if they have it; gives its rows, whose chunks lie one after another in the bytes beside them, part by part.
     ///
     /// # Errors
     /// A part that no container can hold.
     pub fn encode(
         outcome: &BodyOutcome,
         open_in_file: &[usize],
+        form: Form,
     ) -> Result<(Self, Vec<Vec<u8>>), ContainerError> {
         let cells_of = |mesh| outcome.mesh_of.iter().filter(|&&other| other == mesh).count();
         let welds = outcome.welds.iter().zip(open_in_file).enumerate();
@@ -71,7 +72,7 @@ impl BodyRows {
         let mut rows = Self { meshes: meshes.collect(), ..Self::default() };
         let mut bytes = Vec::with_capacity(outcome.cells.len());
         for (cell, &mesh) in outcome.cells.iter().zip(&outcome.mesh_of) {
-            let encoded = EncodedPart::new(cell, rows.meshes[mesh].cells > 1)?;
+            let encoded = EncodedPart::new(cell, rows.meshes[mesh].cells > 1, form)?;
             rows.parts.push(encoded.row);
             rows.chunks.extend(encoded.chunks);
             bytes.push(encoded.bytes);

@@ -23,7 +23,7 @@ use std::time::Instant;
 
 use parking_lot::Mutex;
 
-use crate::container::{self, ContainerError, Rows, Watch as WriteWatch, Written};
+use crate::container::{self, ContainerError, Form, Rows, Watch as WriteWatch, Written};
 use crate::geometry::body::{BodyOutcome, OrderOptions, order_body};
 use crate::geometry::cell_tree::Watch;
 use crate::geometry::normals::{CREASE_DEGREES, by_crease_angle};
@@ -142,6 +142,15 @@ pub struct BakeOptions {
     pub resume: bool,
     /// Whether the report lists every part.
     pub list_parts: bool,
+    /// Whether chunks are compressed.
+    pub compress: bool,
+}
+
+impl BakeOptions {
+    /// The form of the chunks.
+    fn form(&self) -> Form {
+        if self.compress { Form::Compressed } else { Form::Narrow }
+    }
 }
 
 impl Default for BakeOptions {
@@ -153,6 +162,7 @@ impl Default for BakeOptions {
             memory_bytes: None,
             resume: false,
             list_parts: true,
+            compress: false,
         }
     }
 }
@@ -231,7 +241,7 @@ pub fn bake_source(
     let outline = source.outline();
     let bodies = bodies(outline);
     let gate = Gate::new(room_for_bodies(source, &bodies, options)?);
-    let about = format!("{:?} {}", options.order, options.crease_degrees);
+    let about = format!("{:?} {} {:?}", options.order, options.crease_degrees, options.form());
     let about = work::about(bodies.len(), source.fingerprint(), &about);
     let work = Work::open(output, about, options.resume)?;
     let baking = Baking { source, bodies: &bodies, options, progress, gate: &gate, work: &work };
@@ -369,7 +379,7 @@ impl Baking<'_> {
         let (outcome, open_in_file) = order_meshes(meshes, body.is_merged, self.options, self.progress);
         // What was stopped lacks cells.
         self.progress.check()?;
-        let (rows, bytes) = BodyRows::encode(&outcome, &open_in_file)?;
+        let (rows, bytes) = BodyRows::encode(&outcome, &open_in_file, self.options.form())?;
         self.work.keep(number, rows, &bytes)
     }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use clap::Args;
-use collapsar::container::{Container, PartRow};
+use collapsar::container::{Container, Form, PartRow};
 use collapsar::geometry::record::Stall;
 use collapsar::scene::SceneError;
 use collapsar::scene::mapped::MappedFile;
@@ -47,6 +47,8 @@ struct Info {
     file_bytes: u64,
     bytes_per_triangle: f64,
     section_bytes: BTreeMap<&'static str, u64>,
+    compressed_chunks: u64,
+    decoded_bytes: u64,
     tiers: Vec<TierInfo>,
     stalled_parts: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -61,6 +63,7 @@ struct TierInfo {
     vertices: u64,
     triangles: u64,
     bytes: u64,
+    decoded_bytes: u64,
 }
 
 #[derive(Debug, Serialize)]
@@ -101,6 +104,8 @@ fn gather(container: &Container<'_>, file_bytes: u64, with_parts: bool) -> Info 
     let mut section_bytes: BTreeMap<&'static str, u64> =
         container.section_bytes().into_iter().map(|(kind, bytes)| (kind.name(), bytes)).collect();
     section_bytes.insert("payload", container.header().payload_bytes);
+    let tiers = tiers(container);
+    let chunks = || (0..parts.len()).flat_map(|part| container.chunk_rows(part));
     Info {
         format_version: container.header().version,
         parts: (0..parts.len()).filter(|&part| first_cell(part)).count() as u64,
@@ -119,7 +124,9 @@ fn gather(container: &Container<'_>, file_bytes: u64, with_parts: bool) -> Info 
         file_bytes,
         bytes_per_triangle: file_bytes as f64 / triangles.max(1) as f64,
         section_bytes,
-        tiers: tiers(container),
+        compressed_chunks: chunks().filter(|row| row.form() == Some(Form::Compressed)).count() as u64,
+        decoded_bytes: tiers.iter().map(|tier| tier.decoded_bytes).sum(),
+        tiers,
         stalled_parts: parts.iter().filter(|part| part.stall() != Stall::None).count() as u64,
         part_list: with_parts.then(|| part_list(container)),
     }
@@ -128,7 +135,8 @@ fn gather(container: &Container<'_>, file_bytes: u64, with_parts: bool) -> Info 
 fn tiers(container: &Container<'_>) -> Vec<TierInfo> {
     let mut tiers: Vec<TierInfo> = Vec::new();
     for part in 0..container.parts().len() {
-        for (tier, row) in container.chunk_rows(part).iter().enumerate() {
+        let rows = container.chunk_rows(part);
+        for (tier, row) in rows.iter().enumerate() {
             if tiers.len() <= tier {
                 tiers.push(TierInfo { tier, ..TierInfo::default() });
             }
@@ -137,6 +145,8 @@ fn tiers(container: &Container<'_>) -> Vec<TierInfo> {
             total.vertices += u64::from(row.vertices);
             total.triangles += u64::from(row.triangles);
             total.bytes += u64::from(row.bytes);
+            let below = rows.get(tier + 1).map_or(0, |coarser| coarser.vertices);
+            total.decoded_bytes += row.plain_bytes(row.vertices - below);
         }
     }
     tiers
@@ -182,18 +192,25 @@ fn describe(info: &Info) -> String {
             human::bytes(info.file_bytes),
             info.bytes_per_triangle
         ),
+        format!(
+            "chunks       {}, {} of them compressed; {} in memory",
+            count(info.tiers.iter().map(|tier| tier.chunks).sum()),
+            count(info.compressed_chunks),
+            human::bytes(info.decoded_bytes)
+        ),
     ];
     lines.extend(
         info.section_bytes.iter().map(|(name, bytes)| format!("  {name:<10} {:>12}", human::bytes(*bytes))),
     );
     lines.extend(info.tiers.iter().map(|tier| {
         format!(
-            "tier {}       {:>8} chunks {:>14} vertices {:>14} triangles {:>12}",
+            "tier {}       {:>8} chunks {:>14} vertices {:>14} triangles {:>12}, {:>12} in memory",
             tier.tier,
             count(tier.chunks),
             count(tier.vertices),
             count(tier.triangles),
-            human::bytes(tier.bytes)
+            human::bytes(tier.bytes),
+            human::bytes(tier.decoded_bytes)
         )
     }));
     for part in info.part_list.iter().flatten() {

@@ -23,6 +23,7 @@ use super::{Failure, interrupt, output, values};
 #[command(after_help = "Examples:\n  \
     collapsar synth -o small.clps  a million triangles in two thousand parts\n  \
     collapsar synth --triangles 332M --parts 718k -o boeing.clps  the size of the Boeing 777\n  \
+    collapsar synth --triangles 20M --compress -o small.clps  a third of the file\n  \
     collapsar synth --layout ship --triangles 20M --seed 7 -o ship.glb\n  \
     collapsar synth --layout plant --parts 5k --instances 50k -o plant.obj\n\n\
     The same options give the same bytes. GLB keeps the assembly tree and shares repeated parts, and holds less than \
@@ -61,6 +62,9 @@ pub struct SynthArguments {
     /// Go on with a container that was interrupted, from OUT.clps.bake; the bytes written are the same.
     #[arg(long)]
     resume: bool,
+    /// Compress what is drawn, as `bake --compress` does.
+    #[arg(long)]
+    compress: bool,
     /// Print the report as JSON.
     #[arg(long)]
     json: bool,
@@ -158,6 +162,7 @@ fn write_container(plan: &Plan, arguments: &SynthArguments) -> Result<(), Failur
         memory_bytes: arguments.memory,
         resume: arguments.resume,
         list_parts: false,
+        compress: arguments.compress,
         ..BakeOptions::default()
     };
     let source = Synthetic::new(plan);

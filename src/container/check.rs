@@ -3,6 +3,7 @@
 use super::ContainerError;
 use super::check_groups::check_groups;
 use super::format::*;
+use super::stored::stored_bytes;
 use crate::geometry::record::{
     Attributes, GRID_BITS, MAX_PART_TRIANGLES, MAX_PART_VERTICES, MAX_SLOTS, Stall,
 };
@@ -238,6 +239,9 @@ fn check_part(row: &PartRow) -> RowCheck {
     ensure(row.flags & !KNOWN == 0, || {
         format!("its flags are {:#x}, not all of which are known", row.flags)
     })?;
+    ensure(row.flags & (PartRow::CLOSED | PartRow::INSIDE_OUT) != PartRow::INSIDE_OUT, || {
+        format!("its flags are {:#x}, inside out but not closed", row.flags)
+    })?;
     let slotted = row.attributes() == Attributes::Slot;
     let slots = if slotted { 1..=MAX_SLOTS as u32 } else { 0..=0 };
     ensure(slots.contains(&row.slots) && !(slotted && row.flags & PartRow::COLOURED != 0), || {
@@ -267,14 +271,15 @@ fn check_grid(row: &PartRow) -> RowCheck {
 
 /// What a chunk's row shows about a tier that adds `added` vertices.
 fn check_chunk(row: &ChunkRow, added: u32) -> RowCheck {
-    ensure(row.overflow <= added, || {
+    ensure(u32::from(row.overflow) <= added, || {
         format!("a tier that adds {added} vertices has {} overflow entries", row.overflow)
     })?;
-    ensure(u64::from(row.bytes) == row.expected_bytes(added), || {
-        format!(
-            "a tier's chunk has {} bytes, and its counts call for {}",
-            row.bytes,
-            row.expected_bytes(added)
-        )
+    let form =
+        row.form().ok_or_else(|| format!("a tier's chunk has the form {}, which is unknown", row.form))?;
+    let called_for = stored_bytes(form, row, added);
+    ensure(called_for.contains(&row.bytes.into()), || {
+        let (least, most) = (called_for.start(), called_for.end());
+        let range = if least == most { least.to_string() } else { format!("{least} to {most}") };
+        format!("a tier's chunk has {} bytes, and its counts call for {range}", row.bytes)
     })
 }

@@ -1,4 +1,4 @@
-//! One chunk: its row and neighbours say what it must hold; its bytes become typed slices that were checked.
+//! One chunk: its row and neighbours say what it must hold; its bytes in memory become typed slices that were checked.
 //!
 //! Everything that one chunk can show alone is checked here, so that what a worker has read and parsed can go to the
 //! GPU: indices are in range, every walk along `ecol` ends, and the triangle counts add up to the list.
@@ -7,7 +7,8 @@ use std::ops::Range;
 
 use super::ContainerError;
 use super::finding::Findings;
-use super::format::{ChunkRow, PartRow, checksum};
+use super::format::{ChunkRow, PartRow};
+use crate::geometry::record::Attributes;
 use crate::geometry::triangles_at::{CONTINUES, OVERFLOWS};
 use crate::geometry::{TriangleRecord, VertexRecord};
 
@@ -28,6 +29,8 @@ pub struct ChunkSpec {
     pub locked: u32,
     /// How many triangles the part's coarsest state has.
     pub coarsest_triangles: u32,
+    /// What its vertices carry beside their position.
+    pub attributes: Attributes,
 }
 
 impl ChunkSpec {
@@ -42,6 +45,7 @@ impl ChunkSpec {
             triangles_below: below.map_or(0, |row| row.triangles),
             locked: part_row.locked,
             coarsest_triangles: part_row.coarsest_triangles,
+            attributes: part_row.attributes(),
         }
     }
 
@@ -55,6 +59,11 @@ impl ChunkSpec {
         self.row.vertices.saturating_sub(self.vertices_below)
     }
 
+    /// Bytes of the chunk in memory, however it is stored.
+    pub fn plain_bytes(&self) -> u64 {
+        self.row.plain_bytes(self.added_vertices())
+    }
+
     fn is_coarsest(&self) -> bool {
         self.vertices_below == 0
     }
@@ -64,7 +73,7 @@ impl ChunkSpec {
     }
 }
 
-/// The data of one chunk, in the file's own bytes.
+/// The data of one chunk, in its bytes as they are in memory.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChunkView<'a> {
     /// All triangles of the tier, reformed at its vertex count (`t_k`).
@@ -80,51 +89,34 @@ pub struct ChunkView<'a> {
 }
 
 impl<'a> ChunkView<'a> {
-    /// Checks the bytes of a chunk and gives its slices. `bytes` are those of [`ChunkSpec::range`], and start at an
-    /// address that is a multiple of 4.
-    ///
-    /// What comes back is sound by itself: every index is below the tier's vertex count, every walk along `ecol` goes
-    /// down and ends at a locked vertex, and the added triangles sum up to the list's length.
+    /// Checks that the content of a chunk is sound by itself: every index is below the tier's vertex count, every walk
+    /// along `ecol` goes down and ends at a locked vertex, and the added triangles sum up to the list's length.
     ///
     /// # Errors
-    /// A wrong length, alignment or checksum, or content that contradicts the above.
-    pub fn parse(spec: &ChunkSpec, bytes: &'a [u8]) -> Result<Self, ContainerError> {
-        let view = Self::slices(spec, bytes)?;
+    /// Content that contradicts the above.
+    pub(super) fn check_all(&self, spec: &ChunkSpec) -> Result<(), ContainerError> {
         let mut findings = Findings::new(spec.place(), 1);
-        view.check(spec, &mut findings);
+        self.check(spec, &mut findings);
         match findings.into_first() {
-            None => Ok(view),
+            None => Ok(()),
             Some((place, problem)) => Err(ContainerError::Malformed { place, problem }),
         }
     }
 
-    /// Checks length and checksum only.
-    pub(super) fn slices(spec: &ChunkSpec, bytes: &'a [u8]) -> Result<Self, ContainerError> {
-        let need = u64::from(spec.row.bytes);
-        if (bytes.len() as u64) < need {
-            return Err(ContainerError::Truncated { have: bytes.len() as u64, need });
-        }
-        let bytes = &bytes[..spec.row.bytes as usize];
-        if checksum(bytes) != spec.row.checksum {
-            return Err(ContainerError::Checksum { what: spec.place() });
-        }
-        Self::cut(spec, bytes)
-    }
-
-    /// Gives the slices of bytes that were parsed before, without checking their content again.
+    /// Gives the slices of the bytes of a chunk in memory, without checking their content.
     ///
     /// # Errors
     /// Bytes that are not as long as the row says, or not aligned to 4.
     pub fn cut(spec: &ChunkSpec, bytes: &'a [u8]) -> Result<Self, ContainerError> {
         let added = spec.row.vertices.checked_sub(spec.vertices_below);
-        let Some(added) = added.filter(|&added| spec.row.expected_bytes(added) == bytes.len() as u64) else {
+        let Some(added) = added.filter(|&added| spec.row.plain_bytes(added) == bytes.len() as u64) else {
             let problem = format!("its counts do not fit its {} bytes", bytes.len());
             return Err(ContainerError::Malformed { place: spec.place(), problem });
         };
         let mut rest = bytes;
         let triangles = take(&mut rest, spec.row.triangles)?;
         let vertices = take(&mut rest, added)?;
-        let overflow = take(&mut rest, spec.row.overflow)?;
+        let overflow = take(&mut rest, spec.row.overflow.into())?;
         let ecol = take(&mut rest, added)?;
         Ok(Self { triangles, vertices, overflow, ecol, added: rest })
     }

@@ -1,7 +1,8 @@
 //! An ordered part in, its row and the bytes of its chunks out.
 
-use super::ContainerError;
+use super::chunk::{ChunkSpec, ChunkView};
 use super::format::*;
+use super::{ContainerError, stored};
 use crate::geometry::record::Attributes;
 use crate::geometry::{Closure, OrderedPart};
 
@@ -17,15 +18,16 @@ pub(crate) struct EncodedPart {
 }
 
 impl EncodedPart {
-    /// Encodes a part; `cell` tells that it is one of several of its source.
+    /// Encodes a part; `cell` tells that it is one of several of its source. Chunks are stored in the form that is asked
+    /// for, or, where they do not have it, in a plainer one.
     ///
     /// # Errors
     /// A part that no container can hold.
-    pub fn new(part: &OrderedPart, cell: bool) -> Result<Self, ContainerError> {
+    pub fn new(part: &OrderedPart, cell: bool, form: Form) -> Result<Self, ContainerError> {
         check_part(part).map_err(|problem| refused("a part".to_owned(), problem))?;
         let (mut bytes, mut chunk) = (Vec::new(), Vec::new());
         let encode = |tier| {
-            let row = encode_chunk(part, tier, &mut chunk);
+            let row = encode_chunk(part, tier, form, &mut chunk);
             bytes.extend_from_slice(&chunk);
             row
         };
@@ -39,10 +41,11 @@ pub(super) fn refused(place: String, problem: String) -> ContainerError {
     ContainerError::Contents { place, problem }
 }
 
-/// Replaces `out` by the bytes of a part's tier, without padding; the part has passed [`check_part`].
-pub(super) fn encode_chunk(part: &OrderedPart, tier: usize, out: &mut Vec<u8>) -> ChunkRow {
+/// Replaces `out` by the stored bytes of a part's tier, without padding; the part has passed [`check_part`].
+pub(super) fn encode_chunk(part: &OrderedPart, tier: usize, form: Form, out: &mut Vec<u8>) -> ChunkRow {
     let OrderedPart { tiers, vertices, ecol, triangles_at, .. } = part;
-    let below = tiers.get(tier + 1).map_or(0, |coarser| coarser.vertices);
+    let coarser = tiers.get(tier + 1);
+    let below = coarser.map_or(0, |coarser| coarser.vertices);
     let added = below as usize..tiers[tier].vertices as usize;
     let overflow: Vec<[u32; 2]> = triangles_at
         .overflow()
@@ -50,20 +53,33 @@ pub(super) fn encode_chunk(part: &OrderedPart, tier: usize, out: &mut Vec<u8>) -
         .filter(|entry| added.contains(&(entry.0 as usize)))
         .map(|&(vertex, count)| [vertex, count])
         .collect();
-    out.clear();
-    out.extend_from_slice(bytemuck::cast_slice(&tiers[tier].triangles));
-    out.extend_from_slice(bytemuck::cast_slice(&vertices[added.clone()]));
-    out.extend_from_slice(bytemuck::cast_slice(&overflow));
-    out.extend_from_slice(bytemuck::cast_slice(&ecol[added.clone()]));
-    out.extend_from_slice(&triangles_at.bytes()[added]);
-    ChunkRow {
-        offset: 0,
-        bytes: out.len() as u32,
+    let view = ChunkView {
+        triangles: &tiers[tier].triangles,
+        vertices: &vertices[added.clone()],
+        overflow: &overflow,
+        ecol: &ecol[added.clone()],
+        added: &triangles_at.bytes()[added],
+    };
+    let row = ChunkRow {
         vertices: tiers[tier].vertices,
         triangles: tiers[tier].triangles.len() as u32,
-        overflow: overflow.len() as u32,
-        checksum: checksum(out),
-    }
+        // The reader compares it with the bytes that call for entries.
+        overflow: overflow.len() as u16,
+        ..ChunkRow::default()
+    };
+    let coarser_triangles = coarser.map_or(&[][..], |coarser| &coarser.triangles);
+    let spec = ChunkSpec {
+        part: 0,
+        tier: tier as u32,
+        row,
+        vertices_below: below,
+        triangles_below: coarser_triangles.len() as u32,
+        locked: part.locked,
+        coarsest_triangles: part.coarsest_triangles(),
+        attributes: part.attributes,
+    };
+    let form = stored::encode(&spec, &view, coarser_triangles, vertices, form, out);
+    ChunkRow { bytes: out.len() as u32, form: form as u16, checksum: checksum(out), ..row }
 }
 
 /// What [`encode_chunk`] and the rows rely on; everything else is checked with the tables.
@@ -87,6 +103,12 @@ pub(super) fn check_part(part: &OrderedPart) -> Result<(), String> {
     let most = crate::geometry::record::MAX_PART_TRIANGLES;
     if part.tiers.iter().any(|tier| tier.triangles.len() > most) {
         return Err(format!("it has more than {most} triangles"));
+    }
+    if part.triangles_at.overflow().len() > usize::from(u16::MAX) {
+        return Err(format!(
+            "it has {} vertices that add 254 triangles or more",
+            part.triangles_at.overflow().len()
+        ));
     }
     Ok(())
 }

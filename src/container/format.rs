@@ -272,21 +272,48 @@ impl PartRow {
 pub struct ChunkRow {
     /// Where it starts in the file.
     pub offset: u64,
-    /// Its length without padding.
+    /// Its length as it is stored, without padding.
     pub bytes: u32,
     /// How many vertices the tier has (`m_k`).
     pub vertices: u32,
     /// How many triangles the tier has (`t_k`).
     pub triangles: u32,
     /// How many overflow entries the chunk has.
-    pub overflow: u32,
-    /// Checksum of its bytes, without padding.
+    pub overflow: u16,
+    /// A [`Form`].
+    pub form: u16,
+    /// Checksum of its bytes as they are stored, without padding.
     pub checksum: u64,
 }
 
+/// How the bytes of a chunk are stored.
+#[repr(u16)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Form {
+    /// As they are in memory.
+    Plain = 0,
+    /// The flags of a triangle take one byte, not two.
+    #[default]
+    Narrow = 1,
+    /// As differences from the coarser tiers, through zstd.
+    Compressed = 2,
+}
+
+impl Form {
+    /// The stored number, read back; `None` for one that no version has written.
+    pub fn from_number(number: u16) -> Option<Self> {
+        [Self::Plain, Self::Narrow, Self::Compressed].into_iter().find(|&form| form as u16 == number)
+    }
+}
+
 impl ChunkRow {
-    /// The length that a chunk must have that adds `added` vertices to the next coarser tier.
-    pub fn expected_bytes(&self, added: u32) -> u64 {
+    /// How it is stored; `None` for an unknown number, which no opened container has.
+    pub fn form(&self) -> Option<Form> {
+        Form::from_number(self.form)
+    }
+
+    /// The length in memory of a chunk that adds `added` vertices to the next coarser tier.
+    pub fn plain_bytes(&self, added: u32) -> u64 {
         8 * u64::from(self.triangles) + (12 + 2 + 1) * u64::from(added) + 8 * u64::from(self.overflow)
     }
 }
@@ -396,6 +423,7 @@ mod tests {
         assert_eq!(size_of::<SectionRow>(), 32);
         assert_eq!(SECTIONS_START, 320);
         assert_eq!(SectionKind::ALL.map(SectionKind::row_bytes), [128, 32, 112, 16, 16, 1, 64, 4]);
+        assert_eq!([offset_of!(ChunkRow, overflow), offset_of!(ChunkRow, form)], [20, 22]);
         assert_eq!(offset_of!(PartRow, vertices), 56);
         assert_eq!(offset_of!(PartRow, name_offset), 72);
         assert_eq!(offset_of!(PartRow, errors), 96);

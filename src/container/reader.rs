@@ -1,5 +1,6 @@
 //! Bytes of a file in, a [`Container`] out whose every row may be used without another check.
 
+use std::collections::VecDeque;
 use std::ops::Range;
 
 use bytemuck::Pod;
@@ -8,6 +9,7 @@ use super::ContainerError;
 use super::check::{Tables, part_chunks};
 use super::chunk::{ChunkSpec, ChunkView};
 use super::format::*;
+use super::stored::Chunk;
 use crate::geometry::{OrderedPart, OrderedTier, TrianglesAt};
 
 /// A container whose header and tables were checked; it borrows the file's bytes.
@@ -38,7 +40,7 @@ impl<'a> Container<'a> {
     }
 
     /// As [`open`](Self::open), from the first bytes of a file of `file_bytes` bytes: at least all that precedes the
-    /// payload. [`chunk`](Self::chunk) then gives an error for every chunk that lies beyond them.
+    /// payload. [`chunks`](Self::chunks) then gives an error for every chunk that lies beyond them.
     ///
     /// # Errors
     /// As [`open`](Self::open).
@@ -171,7 +173,7 @@ impl<'a> Container<'a> {
         self.names.get(start..start + bytes as usize).unwrap_or("")
     }
 
-    /// What the chunk of a part's tier must hold: enough for a worker to read and [`ChunkView::parse`] it by itself.
+    /// What the chunk of a part's tier must hold: enough for a worker to read it ([`Chunk::read`]).
     ///
     /// # Errors
     /// [`ContainerError::NoSuchChunk`].
@@ -191,13 +193,23 @@ impl<'a> Container<'a> {
         self.chunk_spec(part, tier).map(|spec| spec.range())
     }
 
-    /// Reads and checks the chunk of a part's tier.
+    /// Reads and checks the chunks of a part from a tier on, the finest first.
     ///
     /// # Errors
-    /// As [`ChunkView::parse`], and [`ContainerError::NoSuchChunk`].
-    pub fn chunk(&self, part: usize, tier: usize) -> Result<ChunkView<'a>, ContainerError> {
-        let spec = self.chunk_spec(part, tier)?;
-        ChunkView::parse(&spec, self.file_range(spec.range())?)
+    /// As [`Chunk::read`], and [`ContainerError::NoSuchChunk`].
+    pub fn chunks(&self, part: usize, tier: usize) -> Result<Vec<Chunk>, ContainerError> {
+        self.chunk_spec(part, tier)?;
+        let mut chunks: VecDeque<Chunk> = VecDeque::new();
+        for tier in (tier..self.chunk_rows(part).len()).rev() {
+            let spec = self.chunk_spec(part, tier)?;
+            let stored = self.file_range(spec.range())?;
+            let read = |bytes: &mut [u8]| {
+                bytes.copy_from_slice(stored);
+                Ok(())
+            };
+            chunks.push_front(Chunk::read(spec, &chunks.iter().collect::<Vec<_>>(), read)?);
+        }
+        Ok(chunks.into())
     }
 
     /// The bytes of a range of the file.
@@ -210,12 +222,11 @@ impl<'a> Container<'a> {
     /// Puts a whole part together again.
     ///
     /// # Errors
-    /// As [`chunk`](Self::chunk), for any of its tiers.
+    /// As [`chunks`](Self::chunks).
     pub fn read_part(&self, part: usize) -> Result<OrderedPart, ContainerError> {
         let row = self.parts.get(part).ok_or(ContainerError::NoSuchChunk { part, tier: 0 })?;
-        let tiers = self.chunk_rows(part).len();
-        let views = (0..tiers).map(|tier| self.chunk(part, tier)).collect::<Result<Vec<_>, _>>()?;
-        Ok(join(row, &views))
+        let chunks = self.chunks(part, 0)?;
+        Ok(join(row, &chunks.iter().map(Chunk::view).collect::<Vec<_>>()))
     }
 }
 

@@ -7,11 +7,12 @@
 use rayon::prelude::*;
 
 use super::ContainerError;
-use super::chunk::{ChunkSpec, ChunkView};
+use super::chunk::ChunkView;
 use super::finding::Findings;
 use super::format::{GroupRow, PartRow, aligned};
 use super::groups::{corners, radius};
 use super::reader::{Container, join};
+use super::stored::Chunk;
 use crate::geometry::record::Attributes;
 use crate::geometry::{OrderedPart, OrderedTier, VertexRecord};
 
@@ -98,12 +99,18 @@ fn inspect_part(container: &Container, part: usize) -> Vec<String> {
     let place = format!("part {part} {name:?}");
     let mut findings = Findings::new(place.clone(), MAX_FINDINGS);
     let row = &container.parts()[part];
-    let views: Vec<ChunkView> = (0..container.chunk_rows(part).len())
-        .filter_map(|tier| {
-            findings.set_place(format!("{place}, tier {tier}"));
-            inspect_chunk(container, part, tier, &mut findings)
-        })
-        .collect();
+    let chunks = read_chunks(container, part);
+    for (tier, chunk) in chunks.iter().enumerate() {
+        findings.set_place(format!("{place}, tier {tier}"));
+        check_padding(container, part, tier, &mut findings);
+        match chunk {
+            Ok(chunk) => chunk.view().check(chunk.spec(), &mut findings),
+            Err(ContainerError::Checksum { .. }) => findings.add(|| "the checksum does not match".to_owned()),
+            Err(ContainerError::Malformed { problem, .. }) => findings.add(|| problem.clone()),
+            Err(error) => findings.add(|| error.to_string()),
+        }
+    }
+    let views: Vec<ChunkView> = chunks.iter().flatten().map(Chunk::view).collect();
     findings.set_place(place.clone());
     check_errors(row, &mut findings);
     if row.attributes() == Attributes::Slot {
@@ -115,43 +122,39 @@ fn inspect_part(container: &Container, part: usize) -> Vec<String> {
     findings.into_lines().collect()
 }
 
-/// Checks a chunk and the padding after it; `None` if it cannot be read at all.
-fn inspect_chunk<'a>(
-    container: &Container<'a>,
-    part: usize,
-    tier: usize,
-    findings: &mut Findings,
-) -> Option<ChunkView<'a>> {
-    match read_chunk(container, part, tier) {
-        Ok((spec, view, padding)) => {
-            findings.expect(padding.iter().all(|&byte| byte == 0), || {
-                "the bytes after it are not zero".to_owned()
-            });
-            view.check(&spec, findings);
-            Some(view)
-        }
-        Err(ContainerError::Checksum { .. }) => {
-            findings.add(|| "the checksum does not match".to_owned());
-            None
-        }
-        Err(error) => {
-            findings.add(|| error.to_string());
-            None
-        }
+/// The chunks of a part, the finest first, of which only length, checksum and form were checked. What is compressed needs
+/// all coarser ones.
+fn read_chunks(container: &Container, part: usize) -> Vec<Result<Chunk, ContainerError>> {
+    let mut chunks: Vec<Result<Chunk, ContainerError>> = Vec::new();
+    for tier in (0..container.chunk_rows(part).len()).rev() {
+        let coarser: Vec<&Chunk> = chunks.iter().rev().flatten().collect();
+        chunks.push(read_chunk(container, part, tier, &coarser));
     }
+    chunks.reverse();
+    chunks
 }
 
-/// A chunk of which only length and checksum were checked, and the bytes after it.
-fn read_chunk<'a>(
-    container: &Container<'a>,
+fn read_chunk(
+    container: &Container,
     part: usize,
     tier: usize,
-) -> Result<(ChunkSpec, ChunkView<'a>, &'a [u8]), ContainerError> {
+    coarser: &[&Chunk],
+) -> Result<Chunk, ContainerError> {
     let spec = container.chunk_spec(part, tier)?;
-    let range = spec.range();
-    let padding = container.file_range(range.end..aligned(range.end).unwrap_or(range.end))?;
-    let view = ChunkView::slices(&spec, container.file_range(range)?)?;
-    Ok((spec, view, padding))
+    let stored = container.file_range(spec.range())?;
+    Chunk::unchecked(spec, coarser, |bytes| {
+        bytes.copy_from_slice(stored);
+        Ok(())
+    })
+}
+
+/// The bytes between a chunk and the next are zero.
+fn check_padding(container: &Container, part: usize, tier: usize, findings: &mut Findings) {
+    let Ok(range) = container.chunk_range(part, tier) else { return };
+    let padding = container.file_range(range.end..aligned(range.end).unwrap_or(range.end));
+    findings.expect(padding.is_ok_and(|bytes| bytes.iter().all(|&byte| byte == 0)), || {
+        "the bytes after it are not zero".to_owned()
+    });
 }
 
 /// Every slot is one of the part's.

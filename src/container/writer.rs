@@ -13,7 +13,7 @@ use tempfile::NamedTempFile;
 use super::ContainerError;
 use super::assemble::{Rows, assemble};
 use super::encode::{check_part, encode_chunk, part_row, refused};
-use super::format::InstanceRow;
+use super::format::{Form, InstanceRow};
 use crate::geometry::OrderedPart;
 use crate::import::{Material, Node};
 
@@ -88,13 +88,19 @@ impl Watch<'_> {
 
 /// Writes a container: the same bytes for the same contents, and all of them or no file.
 ///
-/// `cancelled` is looked at before every chunk and before the file gets its name.
+/// Chunks are stored in `form`, or, where they do not have it, in a plainer one. `cancelled` is looked at before every
+/// chunk and before the file gets its name.
 ///
 /// # Errors
 /// Contents that no container can hold, a missing folder, anything that the system refuses, and
 /// [`ContainerError::Interrupted`]. After each of them nothing of the new file is left; an older file of that name is
 /// kept.
-pub fn write(path: &Path, contents: &Contents, cancelled: &AtomicBool) -> Result<Written, ContainerError> {
+pub fn write(
+    path: &Path,
+    contents: &Contents,
+    form: Form,
+    cancelled: &AtomicBool,
+) -> Result<Written, ContainerError> {
     for (index, stored) in contents.parts.iter().enumerate() {
         check_part(&stored.part).map_err(|problem| refused(format!("part {index}"), problem))?;
     }
@@ -104,7 +110,7 @@ pub fn write(path: &Path, contents: &Contents, cancelled: &AtomicBool) -> Result
     let file = temporary_beside(path)?;
     let placed = (contents.instances.len(), || contents.instances.iter().map(StoredInstance::row));
     let chunk_of = |part: u32, tier: u32, out: &mut Vec<u8>| {
-        Ok(encode_chunk(&contents.parts[part as usize].part, tier as usize, out))
+        Ok(encode_chunk(&contents.parts[part as usize].part, tier as usize, form, out))
     };
     let watch = Watch { cancelled, bytes: &AtomicU64::new(0) };
     let written = assemble(file.as_file(), file.path(), rows, placed, chunk_of, &watch)

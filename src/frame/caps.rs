@@ -4,7 +4,7 @@ use super::{FrameError, Renderer, wants};
 use crate::container::PartRow;
 use crate::gpu::batch::{Batch, Sizing, drawn_bytes};
 use crate::gpu::layout::SelectRow;
-use crate::scene::part::Chunk;
+use crate::scene::part::bytes_of;
 use crate::scene::{Camera, Scene};
 use crate::stats::FrameRecord;
 use crate::stream::State;
@@ -41,7 +41,7 @@ pub(super) fn residency_options(
     };
     let fixed = fixed_bytes(scene);
     let coarsest = (0..scene.parts().len() as u32).filter_map(|part| scene.tiers(part).last());
-    let least = coarsest.map(|row| Chunk::bytes_of(row, 0)).max().unwrap_or(0);
+    let least = coarsest.map(|row| bytes_of(row, 0)).max().unwrap_or(0);
     if cap_bytes < fixed + least {
         return Err(FrameError::CapTooSmall { what: "memory", cap_bytes, need_bytes: fixed + least });
     }

@@ -53,7 +53,7 @@ pub fn arrange(mesh: &WeldedMesh, order: &CollapseOrder) -> OrderedMesh {
     for (triangle, &place) in mesh.triangles.iter().zip(&permute_triangles) {
         triangles[place as usize] = triangle.map(|wedge| permute_vertices[wedge as usize]);
     }
-    OrderedMesh {
+    let mut ordered = OrderedMesh {
         vertices: source_wedge.iter().map(|&wedge| mesh.wedges[wedge as usize]).collect(),
         position_of: source_wedge.iter().map(|&wedge| mesh.wedge_position[wedge as usize]).collect(),
         source_wedge,
@@ -63,7 +63,9 @@ pub fn arrange(mesh: &WeldedMesh, order: &CollapseOrder) -> OrderedMesh {
         locked: locked as u32,
         state_errors: states(mesh.wedges.len(), order, |group| group.error),
         state_costs: states(mesh.wedges.len(), order, |group| group.cost),
-    }
+    };
+    ordered.settle();
+    ordered
 }
 
 /// The new number of every element: the first removed is the last, what is never removed keeps its order at the front.
@@ -106,6 +108,34 @@ fn states(vertices: usize, order: &CollapseOrder, of: fn(&Group) -> f32) -> Vec<
 }
 
 impl OrderedMesh {
+    /// Where the order is free, among the triangles that come with one state and among the corners of each, puts it as
+    /// the container expects it: by what they are in that state, new vertices first. It compresses better.
+    fn settle(&mut self) {
+        let (mut start, mut from) = (0, 0);
+        for vn in self.locked.max(1)..=self.vertices.len() as u32 {
+            if !self.triangles_at.is_state(vn as usize) {
+                continue;
+            }
+            let end = self.triangles_at.count_at(vn as usize) as usize;
+            let settled = |&triangle: &[u32; 3]| self.turned(triangle, from, vn);
+            let mut group: Vec<([u32; 3], [u32; 3])> =
+                self.triangles[start..end].iter().map(settled).collect();
+            group.sort_unstable();
+            let places = self.triangles[start..end].iter_mut().zip(group);
+            places.for_each(|(place, (_, triangle))| *place = triangle);
+            (start, from) = (end, vn);
+        }
+    }
+
+    /// A triangle turned so that it begins, in the state of `vn` vertices, with its least vertex from `from` on: as it
+    /// is in that state, and with its finest vertices.
+    fn turned(&self, triangle: [u32; 3], from: u32, vn: u32) -> ([u32; 3], [u32; 3]) {
+        let there = triangle.map(|vertex| self.resolve(vertex, vn));
+        let least = (0..3).min_by_key(|&corner| (there[corner] < from, there[corner])).unwrap_or(0);
+        let turn = |t: [u32; 3]| std::array::from_fn(|corner| t[(corner + least) % 3]);
+        (turn(there), turn(triangle))
+    }
+
     /// Ends the order at a state: what is left there is never removed.
     pub fn end_at(&mut self, vn: u32) {
         let coarsest = self.triangles_at.count_at(vn as usize);

@@ -5,6 +5,7 @@
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -12,9 +13,9 @@ use rayon::prelude::*;
 use super::bounds::Bounds;
 use super::file::PayloadFile;
 use super::mapped::MapError;
-use super::part::Chunk;
+use super::part::ResidentPart;
 use crate::container::{
-    ChunkRow, ChunkSpec, Container, ContainerError, Groups, InstanceRow, PartRow, SectionKind,
+    Chunk, ChunkRow, ChunkSpec, Container, ContainerError, Groups, InstanceRow, PartRow, SectionKind,
 };
 use crate::import::Colour;
 
@@ -230,21 +231,46 @@ impl Scene {
         &self.rows(&self.chunks)[first..first + part.tier_count as usize]
     }
 
-    /// Reads and checks a chunk; may wait for the disk.
+    /// Reads, decodes and checks a chunk; may wait for the disk. `coarser` are the chunks of all coarser tiers, the next
+    /// coarser one first, which only a compressed chunk needs.
     ///
     /// # Errors
     /// The chunk is damaged, or the file has become shorter.
-    pub fn read_chunk(&self, part: u32, tier: u32) -> Result<Chunk, ContainerError> {
+    pub fn read_chunk(&self, part: u32, tier: u32, coarser: &[&Chunk]) -> Result<Chunk, ContainerError> {
         let spec = self.chunk_spec(part, tier);
-        Chunk::read(spec, |bytes| self.read_bytes(bytes, spec.row.offset))
+        Chunk::read(spec, coarser, |bytes| self.read_bytes(bytes, spec.row.offset))
     }
 
-    /// Checks a chunk whose bytes were read before, together with others; there may be more bytes behind it.
+    /// Reads, decodes and checks all chunks of a part; may wait for the disk.
+    ///
+    /// # Errors
+    /// As [`read_chunk`](Self::read_chunk).
+    pub fn read_part(&self, part: u32) -> Result<ResidentPart, ContainerError> {
+        let tiers = self.tiers(part).len() as u32;
+        let mut read = ResidentPart::new(tiers);
+        let mut chunks: Vec<Arc<Chunk>> = Vec::new();
+        for tier in (0..tiers).rev() {
+            let coarser: Vec<&Chunk> = chunks.iter().rev().map(Arc::as_ref).collect();
+            let chunk = Arc::new(self.read_chunk(part, tier, &coarser)?);
+            read.arrive(tier, Arc::clone(&chunk));
+            chunks.push(chunk);
+        }
+        Ok(read)
+    }
+
+    /// Decodes and checks a chunk whose stored bytes were read before, together with others; there may be more bytes
+    /// behind it. `coarser` as in [`read_chunk`](Self::read_chunk).
     ///
     /// # Errors
     /// The chunk is damaged.
-    pub(crate) fn chunk_of(&self, part: u32, tier: u32, read: &[u8]) -> Result<Chunk, ContainerError> {
-        Chunk::read(self.chunk_spec(part, tier), |bytes| {
+    pub(crate) fn chunk_of(
+        &self,
+        part: u32,
+        tier: u32,
+        coarser: &[&Chunk],
+        read: &[u8],
+    ) -> Result<Chunk, ContainerError> {
+        Chunk::read(self.chunk_spec(part, tier), coarser, |bytes| {
             bytes.copy_from_slice(read.get(..bytes.len()).ok_or(ContainerError::CutShort)?);
             Ok(())
         })
@@ -265,7 +291,7 @@ impl Scene {
         ChunkSpec::new(part, &self.parts()[part as usize], self.tiers(part), tier as usize)
     }
 
-    /// Where a chunk lies in the file.
+    /// Where a chunk lies in the file, as it is stored.
     pub(crate) fn chunk_range(&self, part: u32, tier: u32) -> Range<u64> {
         self.chunk_spec(part, tier).range()
     }

@@ -1,67 +1,28 @@
 //! What is in memory of one part: the chunks of its tiers as they arrive, coarsest first.
 
 use std::ops::Range;
+use std::sync::Arc;
 
-use crate::container::{ChunkRow, ChunkSpec, ChunkView, ContainerError};
+use crate::container::{Chunk, ChunkRow, ChunkView};
 use crate::geometry::{TriangleRecord, TrianglesAt, VertexRecord};
 
-/// A chunk copied out of the file and checked.
-#[derive(Debug)]
-pub struct Chunk {
-    spec: ChunkSpec,
-    /// The bytes, in words of 8 so that records are aligned.
-    words: Vec<u64>,
+/// Bytes of memory that a chunk takes once it has arrived, of a tier whose next coarser one has `below` vertices: its own,
+/// and those of the counts that are copied out of it.
+pub fn bytes_of(row: &ChunkRow, below: u32) -> u64 {
+    let added = row.vertices.saturating_sub(below);
+    let counts = u64::from(added) + u64::from(added) / 16 + 4 + 8 * u64::from(row.overflow);
+    row.plain_bytes(added).next_multiple_of(8) + counts + size_of::<Chunk>() as u64
 }
 
-impl Chunk {
-    /// Reads and checks a chunk; `fill` puts its bytes into a buffer, the only place where the disk may be waited for.
-    ///
-    /// # Errors
-    /// Those of `fill`; the bytes do not match their checksum or contradict the tables.
-    pub fn read(
-        spec: ChunkSpec,
-        fill: impl FnOnce(&mut [u8]) -> Result<(), ContainerError>,
-    ) -> Result<Self, ContainerError> {
-        let bytes = spec.row.bytes as usize;
-        let mut words = vec![0u64; bytes.div_ceil(8)];
-        fill(&mut bytemuck::cast_slice_mut::<u64, u8>(&mut words)[..bytes])?;
-        let chunk = Self { spec, words };
-        ChunkView::parse(&chunk.spec, chunk.raw())?;
-        Ok(chunk)
-    }
-
-    fn raw(&self) -> &[u8] {
-        &bytemuck::cast_slice::<u64, u8>(&self.words)[..self.spec.row.bytes as usize]
-    }
-
-    fn view(&self) -> ChunkView<'_> {
-        #[expect(clippy::expect_used, reason = "`read` has parsed the same bytes with the same spec")]
-        ChunkView::cut(&self.spec, self.raw()).expect("a chunk that was parsed before")
-    }
-
-    /// What it is.
-    pub fn spec(&self) -> &ChunkSpec {
-        &self.spec
-    }
-
-    /// Bytes of memory that a chunk takes once it has arrived, of a tier whose next coarser one has `below` vertices: its
-    /// own, and those of the counts that are copied out of it.
-    pub fn bytes_of(row: &ChunkRow, below: u32) -> u64 {
-        let added = u64::from(row.vertices.saturating_sub(below));
-        let counts = added + added / 16 + 4 + 8 * u64::from(row.overflow);
-        u64::from(row.bytes).next_multiple_of(8) + counts + size_of::<Self>() as u64
-    }
-
-    fn bytes(&self) -> u64 {
-        Self::bytes_of(&self.spec.row, self.spec.vertices_below)
-    }
+fn bytes_of_chunk(chunk: &Chunk) -> u64 {
+    bytes_of(&chunk.spec().row, chunk.spec().vertices_below)
 }
 
 /// The arrived chunks of one part.
 #[derive(Debug, Default)]
 pub struct ResidentPart {
     /// By tier, finest first.
-    chunks: Vec<Option<Chunk>>,
+    chunks: Vec<Option<Arc<Chunk>>>,
     /// The finest tier such that it and all coarser ones have arrived; the number of tiers if none has.
     arrived: u32,
     triangles_at: TrianglesAt,
@@ -75,7 +36,7 @@ impl ResidentPart {
     }
 
     /// Takes in a chunk; it counts once all coarser ones are there.
-    pub fn arrive(&mut self, tier: u32, chunk: Chunk) {
+    pub fn arrive(&mut self, tier: u32, chunk: Arc<Chunk>) {
         self.chunks[tier as usize] = Some(chunk);
         while self.arrived > 0
             && let Some(chunk) = &self.chunks[self.arrived as usize - 1]
@@ -102,7 +63,7 @@ impl ResidentPart {
         self.chunks.iter_mut().take(finest).for_each(|chunk| *chunk = None);
         if (self.arrived as usize) < finest {
             self.arrived = finest as u32;
-            let below = self.chunks.get(finest).and_then(Option::as_ref).map_or(0, |c| c.spec.row.vertices);
+            let below = self.chunks.get(finest).and_then(Option::as_ref).map_or(0, |c| c.spec().row.vertices);
             self.triangles_at.truncate(below as usize);
         }
     }
@@ -114,7 +75,7 @@ impl ResidentPart {
 
     /// Bytes of memory that its chunks take.
     pub fn bytes(&self) -> u64 {
-        self.chunks.iter().flatten().map(Chunk::bytes).sum()
+        self.chunks.iter().flatten().map(|chunk| bytes_of_chunk(chunk)).sum()
     }
 
     /// How many vertices have arrived, as a prefix.
@@ -146,9 +107,9 @@ impl ResidentPart {
     fn pieces(&self, range: Range<u32>) -> impl Iterator<Item = (ChunkView<'_>, Range<usize>)> {
         let held = self.chunks[self.arrived as usize..].iter().rev().flatten();
         held.filter_map(move |chunk| {
-            let start = range.start.max(chunk.spec.vertices_below);
-            let end = range.end.min(chunk.spec.row.vertices);
-            let local = |vertex: u32| (vertex - chunk.spec.vertices_below) as usize;
+            let start = range.start.max(chunk.spec().vertices_below);
+            let end = range.end.min(chunk.spec().row.vertices);
+            let local = |vertex: u32| (vertex - chunk.spec().vertices_below) as usize;
             (start < end).then(|| (chunk.view(), local(start)..local(end)))
         })
     }

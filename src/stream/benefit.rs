@@ -38,8 +38,8 @@ impl Lack {
     }
 }
 
-/// How urgent each tier of a part is, from the coarsest to `finest`: the projected error that it removes for each byte,
-/// never more than that of a coarser one. `weight` is how much the part's whole error would be seen.
+/// How urgent each tier of a part is, from the coarsest to `finest`: the projected error that it removes for each byte
+/// once it is decoded, never more than that of a coarser one. `weight` is how much the part's whole error would be seen.
 pub(super) fn urgencies(scene: &Scene, part: u32, finest: u32, weight: f32) -> impl Iterator<Item = f32> {
     let row = &scene.parts()[part as usize];
     let tiers = scene.tiers(part);
@@ -54,7 +54,9 @@ pub(super) fn urgencies(scene: &Scene, part: u32, finest: u32, weight: f32) -> i
         let after = error_at(tiers[tier].vertices);
         let removed = (before - after).max(0.0);
         before = after;
-        least = least.min(weight * removed / tiers[tier].bytes.max(1) as f32);
+        let below = tiers.get(tier + 1).map_or(0, |row| row.vertices);
+        let bytes = tiers[tier].plain_bytes(tiers[tier].vertices.saturating_sub(below));
+        least = least.min(weight * removed / bytes.max(1) as f32);
         least
     })
 }

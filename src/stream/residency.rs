@@ -7,8 +7,9 @@
 //! A plan costs what has changed and what is lacking, not what is wanted: which parts lack something is noted as wishes
 //! change and as chunks are evicted. Only where the cap is below all that is wanted, every wanted part takes part in it.
 //!
-//! Workers own the file (`stream/readers.rs`), so that the frame thread never waits for a page. What is being read
-//! counts within the cap. What is drawn is what has arrived.
+//! Workers own the file (`stream/readers.rs`): they read a chunk, decode it, check it and hand it over, so that the frame
+//! thread never waits for a page. The cap counts what chunks take once they are decoded, those that are being read too.
+//! What is drawn is what has arrived.
 
 use std::cmp::Reverse;
 use std::sync::Arc;
@@ -23,7 +24,7 @@ use super::benefit::{Lack, by_urgency, urgencies};
 use super::readers::{Arrivals, Read, Readers, Request, When};
 use crate::container::ContainerError;
 use crate::scene::Scene;
-use crate::scene::part::{Chunk, ResidentPart};
+use crate::scene::part::{ResidentPart, bytes_of};
 
 /// Why data did not arrive.
 #[derive(Debug, thiserror::Error)]
@@ -134,9 +135,6 @@ pub struct Residency {
     version: u64,
 }
 
-/// More readers than this do not make a disk faster.
-const WORKERS: usize = 2;
-
 /// Bytes of memory that are taken for each part whatever is in memory of it.
 pub(crate) const BYTES_PER_PART: u64 = (size_of::<Place>() + size_of::<Option<Box<ResidentPart>>>()) as u64;
 
@@ -145,7 +143,7 @@ impl Residency {
     pub fn new(scene: &Arc<Scene>, options: ResidencyOptions) -> Self {
         let (done, arrivals) = unbounded::<Arrivals>();
         let readers = Arc::new(Readers::new(scene, options.read_rate));
-        let workers = (0..WORKERS)
+        let workers = (0..readers.worker_count())
             .map(|_| {
                 let (readers, done) = (Arc::clone(&readers), done.clone());
                 std::thread::spawn(move || readers.serve(&done))
@@ -406,7 +404,7 @@ impl Residency {
     fn bytes_of(&self, part: u32, tier: u32) -> u64 {
         let tiers = self.scene.tiers(part);
         let below = tiers.get(tier as usize + 1).map_or(0, |row| row.vertices);
-        Chunk::bytes_of(&tiers[tier as usize], below)
+        bytes_of(&tiers[tier as usize], below)
     }
 
     fn bytes_from(&self, part: u32, finest: u32) -> u64 {

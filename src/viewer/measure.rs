@@ -481,12 +481,9 @@ mod tests {
     fn a_coarse_state_is_measured_within_the_error_that_is_stated() {
         let scene = scene();
         let part = &scene.parts()[0];
-        let count = scene.tiers(0).len() as u32;
-        let mut resident = crate::scene::part::ResidentPart::new(count);
-        assert_eq!(Surface::of_resident(&scene, 0, &resident, part.vertices), None);
-        for tier in (0..count).rev() {
-            resident.arrive(tier, scene.read_chunk(0, tier).unwrap());
-        }
+        let nothing = crate::scene::part::ResidentPart::new(scene.tiers(0).len() as u32);
+        assert_eq!(Surface::of_resident(&scene, 0, &nothing, part.vertices), None);
+        let resident = scene.read_part(0).unwrap();
         let exact = Bounds::new(DVec3::new(100.0, 0.0, 0.0), DVec3::new(102.0, 3.0, 6.0));
         for vn in (part.locked..part.vertices).filter(|&vn| resident.triangles_at().is_state(vn as usize)) {
             let surface = Surface::of_resident(&scene, 0, &resident, vn).unwrap();

@@ -8,9 +8,13 @@ use crate::workplace::{Workplace, has_gpu, names};
 
 /// A small container of two parts, as the binary writes it.
 fn small() -> (Workplace, Vec<u8>) {
+    small_with(&[])
+}
+
+fn small_with(options: &[&str]) -> (Workplace, Vec<u8>) {
     let place = Workplace::new();
     place.write("small.obj", obj(&[patched_box(6), patched_box(2)]) + "o last\n" + &relative_triangle());
-    place.bake("small.obj", "good.clps");
+    place.run(&[&["bake", "small.obj", "-o", "good.clps"], options].concat()).succeeded();
     let bytes = place.read("good.clps");
     (place, bytes)
 }
@@ -151,7 +155,16 @@ fn verify_names_the_chunk_with_a_flipped_byte() {
 
 #[test]
 fn verify_finds_every_flipped_byte_of_the_payload() {
-    let (_place, bytes) = small();
+    every_flipped_byte_is_found(&[]);
+}
+
+#[test]
+fn verify_finds_every_flipped_byte_of_a_compressed_payload() {
+    every_flipped_byte_is_found(&["--compress"]);
+}
+
+fn every_flipped_byte_is_found(options: &[&str]) {
+    let (_place, bytes) = small_with(options);
     let mut words = words_of(&bytes);
     for at in payload_start(&bytes)..bytes.len() {
         bytemuck::cast_slice_mut::<u64, u8>(&mut words)[at] ^= 0x20;

@@ -339,10 +339,13 @@ fn a_bake_is_the_same_for_any_number_of_threads() {
     let place = Workplace::new();
     place.write("model.obj", obj(&[patched_box(12), height_field(30), patched_box(3), height_field(17)]));
     let engine = bundled("2CylinderEngine.glb");
-    for input in ["model.obj", engine.to_str().unwrap()] {
+    for (input, more) in
+        [("model.obj", None), (engine.to_str().unwrap(), None), ("model.obj", Some("--compress"))]
+    {
         for threads in ["1", "2", "16"] {
             let output = format!("{threads}.clps");
-            place.run(&["bake", input, "-o", &output, "--threads", threads]).succeeded();
+            let bake = ["bake", input, "-o", &output, "--threads", threads];
+            place.run(&bake.into_iter().chain(more).collect::<Vec<_>>()).succeeded();
         }
         assert!(place.read("1.clps") == place.read("2.clps"), "{input}: two threads");
         assert!(place.read("1.clps") == place.read("16.clps"), "{input}: sixteen threads");

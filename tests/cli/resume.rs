@@ -25,25 +25,43 @@ fn workplace() -> Workplace {
 
 /// The container that comes of it undisturbed, and how long that takes.
 fn undisturbed(place: &Workplace) -> (Vec<u8>, Duration) {
+    undisturbed_with(place, None)
+}
+
+fn undisturbed_with(place: &Workplace, more: Option<&str>) -> (Vec<u8>, Duration) {
     let started = Instant::now();
-    place.run(&["bake", "model.obj", "-o", "whole.clps"]).succeeded();
+    place.run(&with(&["bake", "model.obj", "-o", "whole.clps"], more)).succeeded();
     (place.read("whole.clps"), started.elapsed())
+}
+
+/// A command with one more argument.
+fn with<'a>(command: &[&'a str], more: Option<&'a str>) -> Vec<&'a str> {
+    command.iter().copied().chain(more).collect()
 }
 
 #[test]
 fn a_bake_that_is_killed_at_any_moment_goes_on_to_the_same_bytes() {
+    kill_and_resume(None);
+}
+
+#[test]
+fn a_compressing_bake_that_is_killed_at_any_moment_goes_on_to_the_same_bytes() {
+    kill_and_resume(Some("--compress"));
+}
+
+fn kill_and_resume(more: Option<&str>) {
     let place = workplace();
-    let (whole, duration) = undisturbed(&place);
+    let (whole, duration) = undisturbed_with(&place, more);
     let mut resumed = 0;
     for moment in 0..MOMENTS {
-        let mut child = place.command(&BAKE).spawn().unwrap();
+        let mut child = place.command(&with(&BAKE, more)).spawn().unwrap();
         std::thread::sleep(duration * moment / MOMENTS);
         child.kill().unwrap();
         let died = !child.wait().unwrap().success();
         // Killed after the container had its name, it may not have come to tidying up.
         assert!(!died || !place.path("model.clps").exists() || place.read("model.clps") == whole);
         resumed += u32::from(place.path("model.clps.bake").join("round-0").exists());
-        place.run(&RESUME).succeeded();
+        place.run(&with(&RESUME, more)).succeeded();
         assert!(place.read("model.clps") == whole, "killed at moment {moment} of {MOMENTS}: other bytes");
         assert_eq!(names(&place.path("")), ["model.clps", "model.obj", "whole.clps"]);
         fs::remove_file(place.path("model.clps")).unwrap();
@@ -111,6 +129,7 @@ fn an_interrupted_bake_says_how_to_go_on() {
     // Another model of that name, other options, and nothing of either.
     let other = ["bake", "model.obj", "-o", "model.clps", "--resume", "--boundary", "lock"];
     place.run(&other).failed(&["cannot be resumed", "without --resume", "model.clps.bake"]);
+    place.run(&with(&RESUME, Some("--compress"))).failed(&["cannot be resumed", "model.clps.bake"]);
     place.write("model.obj", obj(&[patched_box(3)]));
     place.run(&RESUME).failed(&["cannot be resumed", "model.clps.bake"]);
     place.run(&BAKE).succeeded();

@@ -185,9 +185,14 @@ pub fn height_field(n: u32) -> SourceMesh {
 
 /// Bakes a file and opens the container.
 pub fn baked(source: &Path) -> Arc<Scene> {
+    baked_with(source, &BakeOptions::default())
+}
+
+/// Bakes a file in a certain way and opens the container.
+pub fn baked_with(source: &Path, options: &BakeOptions) -> Arc<Scene> {
     let folder = tempfile::tempdir().unwrap();
     let container = folder.path().join("model.clps");
-    bake(&[source.to_owned()], &container, &BakeOptions::default(), &BakeProgress::default()).unwrap();
+    bake(&[source.to_owned()], &container, options, &BakeProgress::default()).unwrap();
     Arc::new(Scene::open(&container).unwrap())
 }
 
@@ -217,6 +222,11 @@ pub fn placed_in_a_row(mesh: &SourceMesh, count: u32, apart: f64, start: DVec3) 
 
 /// Bakes meshes, their positions and triangles only, beside each other along x.
 pub fn baked_meshes(meshes: &[SourceMesh]) -> Arc<Scene> {
+    baked_meshes_with(meshes, &BakeOptions::default())
+}
+
+/// As [`baked_meshes`], in a certain way.
+pub fn baked_meshes_with(meshes: &[SourceMesh], options: &BakeOptions) -> Arc<Scene> {
     let mut text = String::new();
     let mut base = 1;
     for (number, mesh) in meshes.iter().enumerate() {
@@ -232,5 +242,5 @@ pub fn baked_meshes(meshes: &[SourceMesh]) -> Arc<Scene> {
     let folder = tempfile::tempdir().unwrap();
     let source = folder.path().join("meshes.obj");
     std::fs::write(&source, text).unwrap();
-    baked(&source)
+    baked_with(&source, options)
 }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::atomic::AtomicBool;
 
-use collapsar::container::{Contents, write};
+use collapsar::container::{Contents, Form, write};
 use xxhash_rust::xxh3::xxh3_64;
 
 /// Bytes that start at a multiple of 8.
@@ -74,10 +74,15 @@ impl Aligned {
     }
 }
 
-/// What the writer makes of contents.
+/// What the writer makes of contents, with chunks as they are in memory.
 pub fn written(contents: &Contents) -> Aligned {
+    written_as(contents, Form::Plain)
+}
+
+/// What the writer makes of contents.
+pub fn written_as(contents: &Contents, form: Form) -> Aligned {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.clps");
-    write(&path, contents, &AtomicBool::new(false)).unwrap();
+    write(&path, contents, form, &AtomicBool::new(false)).unwrap();
     Aligned::new(&std::fs::read(path).unwrap())
 }

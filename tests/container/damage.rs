@@ -26,7 +26,8 @@ fn every_contradiction_in_the_tables_is_named() {
     let cases = [
         (0, 0, 20, 0x7ff0_0000, "part 0: its box is not finite"),
         (0, 0, 24, 1001, "part 0: its grid's step"),
-        (0, 0, 28, 8, "part 0: its flags"),
+        (0, 0, 28, 32, "part 0: its flags"),
+        (0, 0, 28, 16, "part 0: its flags"),
         (0, 0, 28, 4, "part 0: it has 0 material slots and the flags 0x4"),
         (0, 1, 116, 2, "part 1: its parent cell is 2 parts before it"),
         (0, 1, 116, 1, "part 1: its parent cell, part 0, is none"),
@@ -56,6 +57,9 @@ fn every_contradiction_in_the_tables_is_named() {
         (1, 1, 12, 0, "its tiers do not have fewer and fewer vertices"),
         (1, 1, 16, 1000, "more triangles than the next finer one"),
         (1, 0, 20, 1000, "overflow entries"),
+        (1, 0, 20, 3 << 16, "the form 3, which is unknown"),
+        (1, 0, 20, 1 << 16, "its counts call for"),
+        (1, 0, 20, 0xffff_0000, "the form 65535, which is unknown"),
         (2, 0, 0, 3, "instance 0: it names part 3, but there are 3"),
         (2, 0, 4, 3, "instance 0: it names node 3, but there are 3"),
         (2, 0, 8, 2, "instance 0: it names material 2, but there are 2"),
@@ -249,7 +253,7 @@ fn no_more_than_a_hundred_findings_are_collected() {
 }
 
 /// Uses everything of a container that opens.
-fn exercise(file: &Aligned) {
+pub fn exercise(file: &Aligned) {
     let Ok(container) = Container::open(file.get()) else { return };
     let report = inspect(&container);
     for part in 0..container.parts().len() {

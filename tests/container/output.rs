@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Command;
 use std::sync::atomic::AtomicBool;
 
-use collapsar::container::{ContainerError, Contents, write};
+use collapsar::container::{ContainerError, Contents, Form, write};
 
 use crate::parts::{contents_of, golden_contents, sheet, stored};
 
@@ -19,10 +19,10 @@ fn files(folder: &Path) -> Vec<String> {
 fn only_the_final_name_is_left() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.clps");
-    let done = write(&path, &golden_contents(), &GO).unwrap();
+    let done = write(&path, &golden_contents(), Form::Plain, &GO).unwrap();
     assert_eq!(files(folder.path()), ["a.clps"]);
     assert_eq!(std::fs::metadata(&path).unwrap().len(), done.file_bytes);
-    write(&path, &contents_of(vec![]), &GO).unwrap();
+    write(&path, &contents_of(vec![]), Form::Plain, &GO).unwrap();
     assert!(std::fs::metadata(&path).unwrap().len() < done.file_bytes, "an older file is replaced");
 }
 
@@ -32,7 +32,7 @@ fn the_file_may_be_read_by_others_as_usual() {
     use std::os::unix::fs::PermissionsExt;
     let folder = tempfile::tempdir().unwrap();
     let [ours, usual] = ["a.clps", "usual"].map(|name| folder.path().join(name));
-    write(&ours, &golden_contents(), &GO).unwrap();
+    write(&ours, &golden_contents(), Form::Plain, &GO).unwrap();
     std::fs::write(&usual, b"").unwrap();
     let mode = |path| std::fs::metadata(path).unwrap().permissions().mode();
     assert_eq!(mode(&ours), mode(&usual));
@@ -42,11 +42,11 @@ fn the_file_may_be_read_by_others_as_usual() {
 fn an_interrupted_write_leaves_nothing_new() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.clps");
-    let error = write(&path, &golden_contents(), &AtomicBool::new(true)).unwrap_err();
+    let error = write(&path, &golden_contents(), Form::Plain, &AtomicBool::new(true)).unwrap_err();
     assert!(matches!(error, ContainerError::Interrupted));
     assert_eq!(files(folder.path()), Vec::<String>::new());
     std::fs::write(&path, b"older").unwrap();
-    write(&path, &golden_contents(), &AtomicBool::new(true)).unwrap_err();
+    write(&path, &golden_contents(), Form::Plain, &AtomicBool::new(true)).unwrap_err();
     assert_eq!(std::fs::read(&path).unwrap(), b"older");
 }
 
@@ -54,7 +54,7 @@ fn an_interrupted_write_leaves_nothing_new() {
 fn a_missing_folder_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let missing = folder.path().join("missing");
-    let error = write(&missing.join("a.clps"), &golden_contents(), &GO).unwrap_err().to_string();
+    let error = write(&missing.join("a.clps"), &golden_contents(), Form::Plain, &GO).unwrap_err().to_string();
     assert!(error.starts_with("cannot write a container: its folder does not exist"), "{error}");
     assert!(error.ends_with(&missing.display().to_string()), "{error}");
     assert!(!missing.exists());
@@ -63,7 +63,7 @@ fn a_missing_folder_is_named() {
 #[test]
 fn a_folder_as_output_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let error = write(folder.path(), &golden_contents(), &GO).unwrap_err();
+    let error = write(folder.path(), &golden_contents(), Form::Plain, &GO).unwrap_err();
     assert!(matches!(error, ContainerError::OutputIsFolder { .. }), "{error}");
     assert_eq!(files(folder.path()), Vec::<String>::new());
 }
@@ -73,7 +73,7 @@ fn refused(change: impl FnOnce(&mut Contents)) -> String {
     let folder = tempfile::tempdir().unwrap();
     let mut contents = golden_contents();
     change(&mut contents);
-    let error = write(&folder.path().join("a.clps"), &contents, &GO).unwrap_err();
+    let error = write(&folder.path().join("a.clps"), &contents, Form::Plain, &GO).unwrap_err();
     assert!(matches!(error, ContainerError::Contents { .. }), "{error}");
     assert_eq!(files(folder.path()), Vec::<String>::new());
     error.to_string()
@@ -123,9 +123,9 @@ fn on_a_full_disk_nothing_is_left() {
 
 fn write_to_a_full_disk(folder: &Path) {
     let large = contents_of((0..40).map(|i| stored(&sheet(16, 16, 1, 40 + i), "sheet")).collect());
-    let error = write(&folder.join("a.clps"), &large, &GO).unwrap_err();
+    let error = write(&folder.join("a.clps"), &large, Form::Plain, &GO).unwrap_err();
     assert!(error.to_string().contains("o space left"), "{error}");
     assert_eq!(files(folder), Vec::<String>::new());
-    write(&folder.join("a.clps"), &golden_contents(), &GO).unwrap();
+    write(&folder.join("a.clps"), &golden_contents(), Form::Plain, &GO).unwrap();
     assert_eq!(files(folder), ["a.clps"]);
 }

@@ -123,11 +123,7 @@ impl Surface {
     /// A chunk of it is damaged, or cannot be read.
     pub fn full_detail(scene: &Scene, instance: u32) -> Result<Self, ContainerError> {
         let Some(row) = scene.instances().get(instance as usize) else { return Ok(Self::default()) };
-        let count = scene.tiers(row.part).len() as u32;
-        let mut part = ResidentPart::new(count);
-        for tier in (0..count).rev() {
-            part.arrive(tier, scene.read_chunk(row.part, tier)?);
-        }
+        let part = scene.read_part(row.part)?;
         let vertices = scene.parts()[row.part as usize].vertices;
         Ok(Self::of_resident(scene, instance, &part, vertices).unwrap_or_default())
     }

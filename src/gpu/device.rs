@@ -101,6 +101,8 @@ pub struct Gpu {
     /// Whether [`super::timer::Timer`] can measure.
     pub timestamps: bool,
     faults: Arc<Mutex<Faults>>,
+    /// Held while something is submitted.
+    submitting: Mutex<()>,
 }
 
 /// What has gone wrong and was not handed out yet; a lost device stays lost.
@@ -160,7 +162,7 @@ impl Gpu {
         let faults = collect_faults(&device);
         let limits = device.limits();
         tracing::debug!(adapter = adapter_info.name, driver = adapter_info.driver_info, timestamps, "opened");
-        Ok(Self { device, queue, instance, adapter, adapter_info, limits, timestamps, faults })
+        Ok(Self { device, queue, instance, adapter, adapter_info, limits, timestamps, faults, submitting: Mutex::default() })
     }
 
     /// The most bytes that one storage buffer may have and still be bound as a whole.
@@ -228,9 +230,19 @@ impl Gpu {
     /// # Errors
     /// The first error since the last check.
     pub fn submit(&self, encoder: wgpu::CommandEncoder) -> Result<wgpu::SubmissionIndex, GpuError> {
-        let index = self.queue.submit([encoder.finish()]);
+        let commands = encoder.finish();
+        let index = {
+            let _submitting = self.submitting.lock();
+            self.queue.submit([commands])
+        };
         self.check()?;
         Ok(index)
+    }
+
+    /// Does something while no other thread submits: to configure a surface fails otherwise.
+    pub fn while_nothing_is_submitted<T>(&self, act: impl FnOnce() -> T) -> T {
+        let _submitting = self.submitting.lock();
+        act()
     }
 
     /// Waits until all that was submitted is done.

@@ -448,7 +448,8 @@ impl<'a> Easel<'a> {
 
     fn save(&self, path: &std::path::Path) -> Result<(), TargetError> {
         let target = self.renderer.target();
-        let rgba = target.read_rgba(&self.gpu.device, &self.gpu.queue)?;
+        let (device, queue) = (&self.gpu.device, &self.gpu.queue);
+        let rgba = self.gpu.while_nothing_is_submitted(|| target.read_rgba(device, queue))?;
         write_png(path, target.width(), target.height(), &rgba)
     }
 }

@@ -24,6 +24,8 @@ pub struct Screen {
     window: Arc<winit::window::Window>,
     surface: wgpu::Surface<'static>,
     config: wgpu::SurfaceConfiguration,
+    /// Whether the surface has that configuration; it shows nothing before.
+    is_configured: bool,
     renderer: Renderer,
     /// The picture that was last shown, and what egui calls it.
     picture: Option<(Arc<Target>, egui::TextureId)>,
@@ -42,10 +44,18 @@ impl Screen {
     ) -> Result<Self, GpuError> {
         let (gpu, surface) = Gpu::for_window(&GpuOptions::default(), Box::new(display), Arc::clone(&window))?;
         let config = configuration(&gpu, &surface, window.inner_size())?;
-        surface.configure(&gpu.device, &config);
-        gpu.check()?;
         let renderer = Renderer::new(&gpu.device, config.format, RendererOptions::default());
-        Ok(Self { gpu: Arc::new(gpu), window, surface, config, renderer, picture: None, surfaces_lost: 0 })
+        gpu.check()?;
+        Ok(Self {
+            gpu: Arc::new(gpu),
+            window,
+            surface,
+            config,
+            is_configured: false,
+            renderer,
+            picture: None,
+            surfaces_lost: 0,
+        })
     }
 
     /// The graphics card.
@@ -60,7 +70,24 @@ impl Screen {
             return;
         }
         (self.config.width, self.config.height) = (size.width.min(limit), size.height.min(limit));
-        self.surface.configure(&self.gpu.device, &self.config);
+        self.is_configured = false;
+    }
+
+    /// Gives the surface its configuration, if it lacks it; may fail while the card is busy, and is tried again then.
+    fn configure(&mut self) -> bool {
+        if !self.is_configured {
+            let (device, surface, config) = (&self.gpu.device, &self.surface, &self.config);
+            self.is_configured = self.gpu.while_nothing_is_submitted(|| {
+                let scope = device.push_error_scope(wgpu::ErrorFilter::Validation);
+                surface.configure(device, config);
+                let error = pollster::block_on(scope.pop());
+                if let Some(error) = &error {
+                    tracing::debug!(%error, "the surface could not be configured yet");
+                }
+                error.is_none()
+            });
+        }
+        self.is_configured
     }
 
     /// Throws the surface away and makes another one.
@@ -71,7 +98,7 @@ impl Screen {
         self.surfaces_lost += 1;
         let surface = self.gpu.instance.create_surface(Arc::clone(&self.window));
         self.surface = surface.map_err(|error| GpuError::Surface(error.to_string()))?;
-        self.surface.configure(&self.gpu.device, &self.config);
+        self.is_configured = false;
         self.gpu.check()
     }
 
@@ -148,11 +175,15 @@ impl Screen {
     /// The texture that the window shows next, if it shows any.
     fn next_frame(&mut self) -> Result<Option<wgpu::SurfaceTexture>, GpuError> {
         use wgpu::CurrentSurfaceTexture as Next;
-        for _ in 0..2 {
+        for _ in 0..3 {
+            if !self.configure() {
+                self.window.request_redraw();
+                return Ok(None);
+            }
             match self.surface.get_current_texture() {
                 Next::Success(frame) | Next::Suboptimal(frame) => return Ok(Some(frame)),
                 Next::Timeout | Next::Occluded => return Ok(None),
-                Next::Outdated => self.surface.configure(&self.gpu.device, &self.config),
+                Next::Outdated => self.is_configured = false,
                 Next::Lost => self.renew_surface()?,
                 Next::Validation => self.gpu.check()?,
             }

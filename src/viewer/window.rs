@@ -213,7 +213,7 @@ impl Shell {
     fn end(&mut self, event_loop: &ActiveEventLoop, failed: Option<WindowError>) {
         self.failed = self.failed.take().or(failed);
         if let Some(shown) = self.shown.take() {
-            self.summary.surfaces_lost = shown.screen.surfaces_lost;
+            self.summary.surfaces_lost += shown.screen.surfaces_lost;
         }
         self.app.document = None;
         event_loop.exit();

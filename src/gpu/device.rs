@@ -162,7 +162,17 @@ impl Gpu {
         let faults = collect_faults(&device);
         let limits = device.limits();
         tracing::debug!(adapter = adapter_info.name, driver = adapter_info.driver_info, timestamps, "opened");
-        Ok(Self { device, queue, instance, adapter, adapter_info, limits, timestamps, faults, submitting: Mutex::default() })
+        Ok(Self {
+            device,
+            queue,
+            instance,
+            adapter,
+            adapter_info,
+            limits,
+            timestamps,
+            faults,
+            submitting: Mutex::default(),
+        })
     }
 
     /// The most bytes that one storage buffer may have and still be bound as a whole.

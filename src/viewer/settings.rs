@@ -264,7 +264,7 @@ mod tests {
     fn a_damaged_file_is_said_to_be_one_and_kept() {
         let folder = tempfile::tempdir().unwrap();
         let (store, path) = (Store::in_folder(folder.path()), folder.path().join("settings.json"));
-        for text in ["", "{", "[]", "{\"alpha\": \"three\"}", "{\"theme\": \"pink\"}"] {
+        for text in ["", "{", "7", "{\"alpha\": \"three\"}", "{\"theme\": \"pink\"}"] {
             std::fs::write(&path, text).unwrap();
             let message = store.load().unwrap_err().to_string();
             assert!(message.ends_with("settings.json"), "{message}");

@@ -139,7 +139,7 @@ mod tests {
     fn letters_find_actions_the_nearest_first() {
         let names = |text: &str| found(text, true).iter().map(|entry| entry.name).collect::<Vec<_>>();
         assert_eq!(names("fit a")[0], "Fit all");
-        assert_eq!(names("wire"), ["Wireframe"]);
+        assert_eq!(names("wire")[0], "Wireframe");
         assert!(names("isoslc").contains(&"Isolate selected"));
         assert_eq!(names("").len(), ENTRIES.len());
         assert!(names("no such thing at all").is_empty());

@@ -143,6 +143,6 @@ mod tests {
         assert!(names("isoslc").contains(&"Isolate selected"));
         assert_eq!(names("").len(), ENTRIES.len());
         assert!(names("no such thing at all").is_empty());
-        assert!(found("fit", false).is_empty() && !found("open", false).is_empty());
+        assert!(found("fit all", false).is_empty() && !found("open", false).is_empty());
     }
 }

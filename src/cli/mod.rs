@@ -21,7 +21,7 @@ mod verify;
 #[cfg(feature = "viewer")]
 mod view;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{CommandFactory, Parser, Subcommand};
 
@@ -89,13 +89,25 @@ fn usage() -> Result<(), Failure> {
     std::process::exit(2)
 }
 
+/// A word alone that is no file was meant as a verb.
+#[cfg(feature = "viewer")]
+fn is_meant_as_file(path: &Path) -> bool {
+    path.exists() || path.extension().is_some() || path.components().count() > 1
+}
+
+fn unknown(word: &Path) -> ! {
+    let message = format!("unrecognized subcommand '{}', and there is no file of that name", word.display());
+    Arguments::command().error(clap::error::ErrorKind::InvalidSubcommand, message).exit()
+}
+
 /// Runs the verb that was asked for.
 pub fn run(arguments: Arguments) -> Result<(), Failure> {
     let verb = match (arguments.verb, arguments.file) {
         (Some(verb), _) => verb,
         #[cfg(feature = "viewer")]
-        (None, Some(file)) => Verb::View(view::ViewArguments::of_file(file)),
-        _ => return usage(),
+        (None, Some(file)) if is_meant_as_file(&file) => Verb::View(view::ViewArguments::of_file(file)),
+        (None, Some(word)) => unknown(&word),
+        (None, None) => return usage(),
     };
     match verb {
         #[cfg(feature = "viewer")]

@@ -69,7 +69,7 @@ struct News;
 /// # Errors
 /// There is no display, or no graphics card that can show anything on it.
 pub fn run(options: WindowOptions) -> Result<WindowSummary, WindowError> {
-    let no_display = |error: winit::error::EventLoopError| WindowError::NoDisplay(error.to_string());
+    let no_display = |error: winit::error::EventLoopError| WindowError::NoDisplay(in_words(&error));
     let event_loop = EventLoop::<News>::with_user_event().build().map_err(no_display)?;
     let proxy = event_loop.create_proxy();
     let wake = proxy.clone();
@@ -96,6 +96,13 @@ pub fn run(options: WindowOptions) -> Result<WindowSummary, WindowError> {
         Some(error) => Err(error),
         None => Ok(shell.summary),
     }
+}
+
+/// What an error says, without the place in the source of the library that it comes from.
+fn in_words(error: &dyn std::fmt::Display) -> String {
+    let text = error.to_string();
+    let after_place = text.split_once(".rs:").and_then(|(_, rest)| rest.split_once(": "));
+    after_place.map_or(text.clone(), |(_, words)| words.trim_end_matches('.').to_owned())
 }
 
 /// A window that is there.
@@ -173,9 +180,8 @@ impl Shell {
             Some((width, height)) => winit::dpi::Size::Physical((width, height).into()),
             None => winit::dpi::Size::Logical((1280.0, 800.0).into()),
         });
-        let window = event_loop
-            .create_window(attributes)
-            .map_err(|error| WindowError::NoDisplay(error.to_string()))?;
+        let window =
+            event_loop.create_window(attributes).map_err(|error| WindowError::NoDisplay(in_words(&error)))?;
         let window = Arc::new(window);
         let screen = Screen::new(event_loop.owned_display_handle(), Arc::clone(&window))?;
         self.wake_with_context();

@@ -1,7 +1,7 @@
 //! The `.clps` file: ordered parts, instances, the assembly tree and materials in; checked views of them out.
 //!
 //! [`write()`] puts [`Contents`] into a file; [`Container::open`] checks every table of one (never its payload) and gives
-//! typed slices that lie in the file's own bytes; [`Container::chunk`] checks and gives one tier's data; [`verify()`]
+//! typed slices that lie in the file's own bytes; [`Container::chunks`] checks and gives the data of a tier and all coarser ones; [`verify()`]
 //! checks everything that a file can show. The file is hostile until checked: no count or offset is used before it
 //! was compared with what holds it. `docs/format.md` is the specification, [`format`](mod@format) the same as records.
 

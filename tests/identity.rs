@@ -16,25 +16,12 @@ use std::sync::{Arc, OnceLock};
 
 use collapsar::bake::BakeOptions;
 use collapsar::frame::{ContentDigest, PassesOn, Renderer, Settings};
-use collapsar::gpu::{Gpu, GpuOptions, testing};
+use collapsar::gpu::Gpu;
 use collapsar::scene::{CameraPath, Scene};
 use collapsar::select::SelectOn;
 use collapsar::stats::FrameRecord;
 use collapsar::stream::Strategy;
-
-/// The device of all tests here, or `None` where the environment says that there is none.
-fn gpu(test: &str) -> Option<Arc<Gpu>> {
-    static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
-    if std::env::var_os("COLLAPSAR_NO_GPU").is_some_and(|value| value == "1") {
-        eprintln!("skipped: {test}: COLLAPSAR_NO_GPU is set");
-        testing::log_run(test, None);
-        return None;
-    }
-    let gpu =
-        GPU.get_or_init(|| Arc::new(Gpu::new(&GpuOptions::default()).expect("a GPU, or COLLAPSAR_NO_GPU=1")));
-    testing::log_run(test, Some(&gpu.adapter_info.name));
-    Some(Arc::clone(gpu))
-}
+use common::gpu;
 
 fn engine() -> Arc<Scene> {
     static SCENE: OnceLock<Arc<Scene>> = OnceLock::new();

@@ -9,32 +9,18 @@
 mod common;
 
 use std::f64::consts::FRAC_PI_4;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use collapsar::frame::{Renderer, Settings};
-use collapsar::gpu::{Gpu, GpuOptions, testing};
 use collapsar::passes::draw::{Edges, Look, Section, Style};
 use collapsar::scene::camera::Parallel;
 use collapsar::scene::views::{self, Projection, StandardView, UpAxis};
 use collapsar::scene::{Camera, Scene};
 use collapsar::stats::FrameRecord;
+use common::gpu;
 use glam::DVec3;
 
 const SIZE: u32 = 200;
-
-/// The device of all tests here, or `None` where the environment says that there is none.
-fn gpu(test: &str) -> Option<Arc<Gpu>> {
-    static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
-    if std::env::var_os("COLLAPSAR_NO_GPU").is_some_and(|value| value == "1") {
-        eprintln!("skipped: {test}: COLLAPSAR_NO_GPU is set");
-        testing::log_run(test, None);
-        return None;
-    }
-    let gpu =
-        GPU.get_or_init(|| Arc::new(Gpu::new(&GpuOptions::default()).expect("a GPU, or COLLAPSAR_NO_GPU=1")));
-    testing::log_run(test, Some(&gpu.adapter_info.name));
-    Some(Arc::clone(gpu))
-}
 
 fn settings() -> Settings {
     Settings { budget_vertices: 200_000, width: SIZE, height: SIZE, samples: 4, ..Settings::default() }

@@ -14,7 +14,7 @@ use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 use collapsar::bake::{BakeOptions, BakeProgress, bake};
-use collapsar::gpu::{Gpu, GpuOptions, testing};
+use collapsar::gpu::{Gpu, GpuOptions};
 use collapsar::passes::draw::Edges;
 use collapsar::viewer::actions::Action;
 use collapsar::viewer::app::{App, Ask};
@@ -22,23 +22,10 @@ use collapsar::viewer::document::Document;
 use collapsar::viewer::painter::Errand;
 use collapsar::viewer::panels::picture::Tool;
 use collapsar::viewer::settings::Store;
+use common::gpu;
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
-
-/// The device of all tests here, or `None` where the environment says that there is none.
-fn gpu(test: &str) -> Option<Arc<Gpu>> {
-    static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
-    if std::env::var_os("COLLAPSAR_NO_GPU").is_some_and(|value| value == "1") {
-        eprintln!("skipped: {test}: COLLAPSAR_NO_GPU is set");
-        testing::log_run(test, None);
-        return None;
-    }
-    let gpu =
-        GPU.get_or_init(|| Arc::new(Gpu::new(&GpuOptions::default()).expect("a GPU, or COLLAPSAR_NO_GPU=1")));
-    testing::log_run(test, Some(&gpu.adapter_info.name));
-    Some(Arc::clone(gpu))
-}
 
 /// The viewer in a folder of its own.
 struct Desk {

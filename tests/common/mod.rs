@@ -4,13 +4,36 @@
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use collapsar::bake::{BakeOptions, BakeProgress, Loaded, MeshSource, bake, bake_source, merged};
 use collapsar::geometry::normals::{CREASE_DEGREES, by_crease_angle};
+use collapsar::gpu::{Gpu, GpuError, GpuOptions, testing};
 use collapsar::import::{Instance, Material, Model, Node, SourceMesh};
 use collapsar::scene::Scene;
 use glam::{DAffine3, DVec3};
+
+/// The one device of all tests of a binary, or `None` where the environment says that this machine has none.
+pub fn gpu(test: &str) -> Option<Arc<Gpu>> {
+    static GPU: LazyLock<Result<Arc<Gpu>, GpuError>> =
+        LazyLock::new(|| Gpu::new(&GpuOptions::default()).map(Arc::new));
+    match &*GPU {
+        Ok(gpu) => {
+            let info = &gpu.adapter_info;
+            let adapter = format!("{} ({} {})", info.name, info.backend, info.driver_info);
+            testing::log_run(test, Some(&adapter));
+            Some(Arc::clone(gpu))
+        }
+        Err(_) if std::env::var(testing::NO_GPU_VARIABLE).is_ok_and(|value| value == "1") => {
+            eprintln!("skipped: {test}: {}=1", testing::NO_GPU_VARIABLE);
+            testing::log_run(test, None);
+            None
+        }
+        Err(error) => {
+            panic!("{test} needs a GPU adapter; set {}=1 if there is none: {error}", testing::NO_GPU_VARIABLE)
+        }
+    }
+}
 
 /// The folder of real models, where there is one.
 pub fn datasets() -> Option<PathBuf> {

@@ -31,5 +31,6 @@ pub mod stream;
 pub mod synth;
 #[cfg(feature = "viewer")]
 pub mod viewer;
+pub mod whole_file;
 
 pub use error::Error;

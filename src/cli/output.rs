@@ -5,6 +5,7 @@ use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
+use collapsar::whole_file::{self, folder_of};
 use serde::Serialize;
 
 use super::{Failure, interrupt};
@@ -54,10 +55,6 @@ pub fn check_file(path: &Path) -> Result<(), Failure> {
     }
 }
 
-fn folder_of(path: &Path) -> &Path {
-    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
 /// Writes a file through a temporary one beside it, so that it is never half there; Ctrl-C stops it.
 pub fn write_whole(
     path: &Path,
@@ -70,16 +67,12 @@ pub fn write_whole(
         false => Failure::Output { doing: "write", cause, path: path.to_owned() },
     };
     check_file(path)?;
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".collapsar-");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let file = builder.tempfile_in(folder_of(path)).map_err(failed)?;
-    let mut out = std::io::BufWriter::with_capacity(1 << 16, Stoppable(file.as_file()));
-    write(&mut out).and_then(|()| out.flush()).map_err(failed)?;
-    drop(out);
-    file.persist(path).map_err(|refused| failed(refused.error))?;
-    Ok(())
+    whole_file::write_whole(path, |file| {
+        let mut out = std::io::BufWriter::with_capacity(1 << 16, Stoppable(file));
+        write(&mut out)?;
+        out.flush()
+    })
+    .map_err(failed)
 }
 
 /// A writer that fails once the user has asked to stop.

@@ -10,6 +10,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use glam::DAffine3;
 use tempfile::NamedTempFile;
 
+use crate::whole_file::folder_of;
+
 use super::ContainerError;
 use super::assemble::{Rows, assemble};
 use super::encode::{check_part, encode_chunk, part_row, refused};
@@ -148,10 +150,6 @@ pub fn check_destination(path: &Path) -> Result<(), ContainerError> {
     }
     let folder = folder_of(path);
     if folder.is_dir() { Ok(()) } else { Err(ContainerError::NoFolder { path: folder.to_owned() }) }
-}
-
-fn folder_of(path: &Path) -> &Path {
-    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// An empty file in the folder of `path`, which is deleted unless it is given that name.

@@ -41,26 +41,6 @@ pub fn read_values<T: bytemuck::Pod>(
     Ok(bytemuck::pod_collect_to_vec(&bytes))
 }
 
-/// Waits, and reads a texture of one level with the usage `COPY_SRC` and 4 bytes a pixel: its rows from the top, without
-/// padding.
-///
-/// # Errors
-/// There is no memory for the copy, or the device is lost.
-pub fn read_texture(gpu: &Gpu, texture: &wgpu::Texture) -> Result<Vec<u8>, GpuError> {
-    let row = (texture.width() * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-    let size = u64::from(row) * u64::from(texture.height());
-    let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-    let staging = gpu.buffer("texture readback", size, usage)?;
-    let mut encoder = gpu.encoder("texture readback");
-    let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
-    let to = wgpu::TexelCopyBufferInfo { buffer: &staging, layout };
-    encoder.copy_texture_to_buffer(texture.as_image_copy(), to, texture.size());
-    gpu.submit(encoder)?;
-    let padded = read_mapped(gpu, &staging, size)?;
-    let used = texture.width() as usize * 4;
-    Ok(padded.chunks_exact(row as usize).flat_map(|row| &row[..used]).copied().collect())
-}
-
 /// Maps a buffer with the usage `MAP_READ`, waits, and copies its first `size` bytes.
 pub(super) fn read_mapped(gpu: &Gpu, staging: &wgpu::Buffer, size: u64) -> Result<Vec<u8>, GpuError> {
     let (sender, receiver) = mpsc::channel();

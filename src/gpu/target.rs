@@ -1,8 +1,11 @@
 //! The offscreen picture: colour and depth of a chosen size, read back as RGBA and written as PNG.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use image::ImageEncoder;
+
+use crate::whole_file::write_whole;
 
 /// The format of the colour: written in linear light, stored as sRGB.
 pub const COLOUR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
@@ -205,55 +208,9 @@ impl Target {
     /// The picture as rows of RGBA from the top, 8 bits a channel, sRGB. Waits for the GPU.
     ///
     /// # Errors
-    /// When the device is lost or has no room for the copy.
+    /// As [`read_texture`].
     pub fn read_rgba(&self, device: &wgpu::Device, queue: &wgpu::Queue) -> Result<Vec<u8>, TargetError> {
-        let row = padded_row_bytes(self.width);
-        let buffer = self.copy_to_buffer(device, queue, row)?;
-        let (sender, receiver) = crossbeam_channel::bounded(1);
-        buffer.map_async(wgpu::MapMode::Read, .., move |result| {
-            // The receiver only goes away with this function, and then nobody is interested.
-            let _ = sender.send(result);
-        });
-        let read_back = |error: &dyn std::fmt::Display| TargetError::ReadBack(error.to_string());
-        device.poll(wgpu::PollType::wait_indefinitely()).map_err(|error| read_back(&error))?;
-        receiver.recv().map_err(|error| read_back(&error))?.map_err(|error| read_back(&error))?;
-        let mapped = buffer.get_mapped_range(..).map_err(|error| read_back(&error))?;
-        let used = (u64::from(self.width) * BYTES_PER_PIXEL) as usize;
-        Ok(mapped.chunks_exact(row as usize).flat_map(|padded| &padded[..used]).copied().collect())
-    }
-
-    fn copy_to_buffer(
-        &self,
-        device: &wgpu::Device,
-        queue: &wgpu::Queue,
-        row: u32,
-    ) -> Result<wgpu::Buffer, TargetError> {
-        let (width, height) = (self.width, self.height);
-        let scope = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let buffer = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("target read-back"),
-            size: u64::from(row) * u64::from(height),
-            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        });
-        if let Some(source) = pollster::block_on(scope.pop()) {
-            return Err(TargetError::OutOfMemory { width, height, source });
-        }
-        let mut encoder = device.create_command_encoder(&Default::default());
-        encoder.copy_texture_to_buffer(
-            self.resolved.as_image_copy(),
-            wgpu::TexelCopyBufferInfo {
-                buffer: &buffer,
-                layout: wgpu::TexelCopyBufferLayout {
-                    offset: 0,
-                    bytes_per_row: Some(row),
-                    rows_per_image: None,
-                },
-            },
-            self.resolved.size(),
-        );
-        queue.submit([encoder.finish()]);
-        Ok(buffer)
+        read_texture(device, queue, &self.resolved)
     }
 
     /// Reads the picture back and writes it as a PNG file.
@@ -304,29 +261,73 @@ fn shown(resolved: &wgpu::Texture) -> wgpu::TextureView {
     })
 }
 
+/// The pixels of a texture of one level with 4 bytes each, in rows from the top. Waits for the GPU.
+///
+/// # Errors
+/// When the device is lost or has no room for the copy.
+pub fn read_texture(
+    device: &wgpu::Device,
+    queue: &wgpu::Queue,
+    texture: &wgpu::Texture,
+) -> Result<Vec<u8>, TargetError> {
+    let row = padded_row_bytes(texture.width());
+    let buffer = copy_to_buffer(device, queue, texture, row)?;
+    let (sender, receiver) = crossbeam_channel::bounded(1);
+    buffer.map_async(wgpu::MapMode::Read, .., move |result| {
+        // The receiver only goes away with this function, and then nobody is interested.
+        let _ = sender.send(result);
+    });
+    let read_back = |error: &dyn std::fmt::Display| TargetError::ReadBack(error.to_string());
+    device.poll(wgpu::PollType::wait_indefinitely()).map_err(|error| read_back(&error))?;
+    receiver.recv().map_err(|error| read_back(&error))?.map_err(|error| read_back(&error))?;
+    let mapped = buffer.get_mapped_range(..).map_err(|error| read_back(&error))?;
+    let used = (u64::from(texture.width()) * BYTES_PER_PIXEL) as usize;
+    Ok(mapped.chunks_exact(row as usize).flat_map(|padded| &padded[..used]).copied().collect())
+}
+
+fn copy_to_buffer(
+    device: &wgpu::Device,
+    queue: &wgpu::Queue,
+    texture: &wgpu::Texture,
+    row: u32,
+) -> Result<wgpu::Buffer, TargetError> {
+    let (width, height) = (texture.width(), texture.height());
+    let scope = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+    let buffer = device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some("target read-back"),
+        size: u64::from(row) * u64::from(height),
+        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    if let Some(source) = pollster::block_on(scope.pop()) {
+        return Err(TargetError::OutOfMemory { width, height, source });
+    }
+    let mut encoder = device.create_command_encoder(&Default::default());
+    encoder.copy_texture_to_buffer(
+        texture.as_image_copy(),
+        wgpu::TexelCopyBufferInfo {
+            buffer: &buffer,
+            layout: wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None },
+        },
+        texture.size(),
+    );
+    queue.submit([encoder.finish()]);
+    Ok(buffer)
+}
+
 /// Writes rows of RGBA as a PNG file, under a temporary name until it is complete.
 ///
 /// # Errors
 /// When the folder is missing or not writable, or the disk is full; no file is left behind then.
 pub fn write_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<(), TargetError> {
-    let failed = |error: &dyn std::fmt::Display| TargetError::Write(path.into(), error.to_string());
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut file = temporary_file(folder).map_err(|error| failed(&error))?;
-    let mut encoded = std::io::BufWriter::new(file.as_file_mut());
-    image::codecs::png::PngEncoder::new(&mut encoded)
-        .write_image(rgba, width, height, image::ExtendedColorType::Rgba8)
-        .map_err(|error| failed(&error))?;
-    encoded.into_inner().map_err(|error| failed(&error.into_error()))?;
-    file.persist(path).map(drop).map_err(|error| failed(&error.error))
-}
-
-/// A temporary file that, unlike the default, others may read once it has its name.
-fn temporary_file(folder: &Path) -> std::io::Result<tempfile::NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".picture-");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(folder)
+    let encode = |file: &mut std::fs::File| {
+        let mut encoded = std::io::BufWriter::new(file);
+        image::codecs::png::PngEncoder::new(&mut encoded)
+            .write_image(rgba, width, height, image::ExtendedColorType::Rgba8)
+            .map_err(std::io::Error::other)?;
+        encoded.flush()
+    };
+    write_whole(path, encode).map_err(|error| TargetError::Write(path.into(), error.to_string()))
 }
 
 fn check(device: &wgpu::Device, width: u32, height: u32, samples: u32) -> Result<(), TargetError> {

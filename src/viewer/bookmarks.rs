@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::scene::Camera;
 use crate::scene::camera_path::{CameraPathError, Keyframe, Keyframes};
+use crate::whole_file::{folder_of, write_whole};
 
 /// The version that is written.
 const VERSION: u32 = 1;
@@ -270,16 +271,8 @@ fn write_json(path: &Path, value: &impl Serialize) -> Result<(), BookmarkError> 
     let failed = |cause| BookmarkError::Unwritable { cause, path: path.to_owned() };
     let mut text = serde_json::to_vec_pretty(value).map_err(|error| failed(error.into()))?;
     text.push(b'\n');
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder).map_err(failed)?;
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".collapsar-");
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.tempfile_in(folder).map_err(failed)?;
-    file.write_all(&text).map_err(failed)?;
-    file.persist(path).map_err(|refused| failed(refused.error))?;
-    Ok(())
+    std::fs::create_dir_all(folder_of(path)).map_err(failed)?;
+    write_whole(path, |file| file.write_all(&text)).map_err(failed)
 }
 
 /// How far ahead the target of a camera's keyframe is best written: as far as the point that it turns about.

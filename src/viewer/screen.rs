@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use egui_wgpu::{Renderer, RendererOptions, ScreenDescriptor};
 
-use crate::gpu::target::{Target, write_png};
+use crate::gpu::target::{Target, read_texture, write_png};
 use crate::gpu::{Gpu, GpuError, GpuOptions};
 
 /// What is shown in a window: the interface's triangles, and the changes of its textures.
@@ -239,7 +239,11 @@ impl Screen {
             view_formats: &[],
         });
         self.draw(triangles, size, &texture)?;
-        let mut rgba = crate::gpu::readback::read_texture(&self.gpu, &texture)?;
+        let read = read_texture(&self.gpu.device, &self.gpu.queue, &texture);
+        let mut rgba = match read {
+            Ok(rgba) => rgba,
+            Err(error) => return self.gpu.check().map(|()| Err(error.to_string())),
+        };
         if is_bgra(self.config.format) {
             rgba.chunks_exact_mut(4).for_each(|pixel| pixel.swap(0, 2));
         }

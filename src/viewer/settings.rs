@@ -9,6 +9,7 @@ use super::mouse::Preset;
 use crate::frame::{Settings as RenderSettings, Spending};
 use crate::scene::views::UpAxis;
 use crate::stream::Strategy;
+use crate::whole_file::{folder_of, write_whole};
 
 /// The environment variable with the folder for the viewer's files.
 pub const CONFIG_VARIABLE: &str = "COLLAPSAR_CONFIG";
@@ -223,12 +224,8 @@ impl Store {
     pub fn save(&self, settings: &Settings) -> Result<(), SettingsError> {
         let Some(path) = self.file() else { return Ok(()) };
         let failed = |cause| SettingsError::Write { cause, path: path.clone() };
-        let folder = path.parent().unwrap_or(Path::new("."));
-        std::fs::create_dir_all(folder).map_err(failed)?;
-        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
-        serde_json::to_writer_pretty(&mut file, settings).map_err(|error| failed(error.into()))?;
-        file.persist(&path).map_err(|error| failed(error.error))?;
-        Ok(())
+        std::fs::create_dir_all(folder_of(&path)).map_err(failed)?;
+        write_whole(&path, |file| Ok(serde_json::to_writer_pretty(file, settings)?)).map_err(failed)
     }
 
     fn file(&self) -> Option<PathBuf> {

@@ -7,7 +7,7 @@ use clap::Args;
 use collapsar::frame::colour_by::{ColourBy, Coloured, look_of};
 use collapsar::frame::{Renderer, Settings};
 use collapsar::gpu::{Gpu, GpuOptions};
-use collapsar::passes::draw::{Edges, Look, Style};
+use collapsar::passes::draw::{Edges, Look, MOST_PLANES, Style};
 use collapsar::scene::camera_path::Keyframes;
 use collapsar::scene::views::{self, Projection, StandardView, UpAxis};
 use collapsar::scene::{Bounds, Camera, Scene};
@@ -197,11 +197,9 @@ fn settle(renderer: &mut Renderer, camera: &Camera) -> Result<(), Failure> {
 }
 
 fn style(arguments: &ShotArguments, scene: &Scene) -> Result<Style, Failure> {
-    if arguments.section.len() > 6 {
-        return Err(Failure::Argument(format!(
-            "at most 6 sections are possible, not {}",
-            arguments.section.len()
-        )));
+    let planes = arguments.section.len();
+    if planes > MOST_PLANES {
+        return Err(Failure::Argument(format!("at most {MOST_PLANES} sections are possible, not {planes}")));
     }
     let planes = arguments.section.iter().map(|section| section.plane(scene.bounds()));
     let boxed = arguments.section_box.iter().flat_map(|section_box| section_box.planes(scene.bounds()));
@@ -282,9 +280,7 @@ fn camera(arguments: &ShotArguments, scene: &Scene, looks: &[Look]) -> Result<Ca
         Fit::All => *bounds,
         Fit::Isolated => {
             let left = scene.boxes().iter().zip(looks).filter(|(_, look)| !look.has(Look::HIDDEN));
-            left.fold(Bounds::EMPTY, |all, (b, _)| {
-                all.with_point(b.centre - b.half_extent).with_point(b.centre + b.half_extent)
-            })
+            left.map(|(instance, _)| instance).fold(Bounds::EMPTY, Bounds::with_box)
         }
     };
     let projection = match arguments.parallel {

@@ -15,10 +15,10 @@ mod uniform;
 use std::collections::HashMap;
 
 use crate::gpu::target::Target;
-pub(super) use pipelines::depth_state;
 use pipelines::{Drawn, Kind, Pipelines};
+pub(super) use pipelines::{active_vertices, depth_state};
 pub use row::{InstanceRow, Look, LookRow};
-pub use uniform::{Edges, FrameUniform, MOST_SECTIONS, Mode, Section, Style};
+pub use uniform::{Edges, FrameUniform, MOST_PLANES, MOST_SECTIONS, Mode, Section, Style};
 
 /// What a surface and the background look like, whoever places the corners: the first piece of [`SHADER`].
 pub const SURFACE: &str = include_str!("../../shaders/shared/surface.wgsl");
@@ -151,7 +151,6 @@ impl DrawPass {
         if let Some(pipeline) = scene {
             pass.set_pipeline(pipeline);
             for batch in list.batches {
-                pass.set_bind_group(1, batch.instances, &[]);
                 if list.asked.edges {
                     self.draw_edged(device, &mut pass, batch);
                 } else {
@@ -159,10 +158,9 @@ impl DrawPass {
                 }
             }
         }
-        if let (Some((rows, count)), Some(pipeline)) = (list.boxes, of_boxes) {
+        if let Some(pipeline) = of_boxes {
             pass.set_pipeline(pipeline);
-            pass.set_bind_group(1, rows, &[]);
-            pass.draw(0..BOX_CORNERS, 0..count);
+            draw_boxes(&mut pass, list);
         }
         if let Some(pipeline) = background {
             pass.set_pipeline(pipeline);
@@ -173,6 +171,7 @@ impl DrawPass {
     fn draw_edged(&self, device: &wgpu::Device, pass: &mut wgpu::RenderPass<'_>, batch: &DrawBatch<'_>) {
         let buffers = [batch.vertices, batch.indices, batch.triangles];
         let group = bind(device, "draw edges", &self.pipelines.edged, &buffers);
+        pass.set_bind_group(1, batch.instances, &[]);
         pass.set_bind_group(2, &group, &[]);
         pass.draw_indirect(batch.indirect, batch.indirect_offset);
     }
@@ -189,8 +188,17 @@ fn kinds(asked: Asked) -> [Kind; 3] {
     ]
 }
 
-/// Draws a batch by its index buffer, with the pipeline, the frame and its instances set.
+/// Draws the boxes of a list, with the pipeline and the frame set.
+pub(super) fn draw_boxes(pass: &mut wgpu::RenderPass<'_>, list: &DrawList<'_>) {
+    if let Some((rows, count)) = list.boxes {
+        pass.set_bind_group(1, rows, &[]);
+        pass.draw(0..BOX_CORNERS, 0..count);
+    }
+}
+
+/// Draws a batch by its index buffer, with the pipeline and the frame set.
 pub(super) fn draw_batch(pass: &mut wgpu::RenderPass<'_>, batch: &DrawBatch<'_>) {
+    pass.set_bind_group(1, batch.instances, &[]);
     pass.set_vertex_buffer(0, batch.vertices.slice(..));
     pass.set_index_buffer(batch.indices.slice(..), wgpu::IndexFormat::Uint32);
     pass.draw_indexed_indirect(batch.indirect, batch.indirect_offset);

@@ -6,8 +6,8 @@
 use glam::DVec3;
 
 use super::draw::{
-    ACTIVE_VERTEX_BYTES, DrawList, FrameUniform, InstanceRow, LookRow, SHADER as DRAW_SHADER, bind,
-    depth_state, draw_batch, frame_buffer, layout,
+    DrawList, FrameUniform, InstanceRow, LookRow, SHADER as DRAW_SHADER, active_vertices, bind, depth_state,
+    draw_batch, draw_boxes, frame_buffer, layout,
 };
 use crate::gpu::target::DEPTH_FORMAT;
 use crate::gpu::{Gpu, GpuError, readback};
@@ -21,7 +21,6 @@ pub fn shader() -> String {
 }
 
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
-const BOX_CORNERS: u32 = 36;
 /// Words of a pixel.
 const WORDS: usize = 4;
 
@@ -124,17 +123,11 @@ impl PickPass {
             }),
             ..Default::default()
         });
-        pass.set_pipeline(&self.scene);
         pass.set_bind_group(0, &self.frame_group, &[]);
-        for batch in list.batches {
-            pass.set_bind_group(1, batch.instances, &[]);
-            draw_batch(&mut pass, batch);
-        }
-        if let Some((rows, count)) = list.boxes {
-            pass.set_pipeline(&self.boxes);
-            pass.set_bind_group(1, rows, &[]);
-            pass.draw(0..BOX_CORNERS, 0..count);
-        }
+        pass.set_pipeline(&self.scene);
+        list.batches.iter().for_each(|batch| draw_batch(&mut pass, batch));
+        pass.set_pipeline(&self.boxes);
+        draw_boxes(&mut pass, list);
     }
 }
 
@@ -156,14 +149,6 @@ fn one_pixel(device: &wgpu::Device, label: &str, format: wgpu::TextureFormat) ->
         usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
         view_formats: &[],
     })
-}
-
-fn active_vertices() -> wgpu::VertexBufferLayout<'static> {
-    wgpu::VertexBufferLayout {
-        array_stride: ACTIVE_VERTEX_BYTES,
-        step_mode: wgpu::VertexStepMode::Vertex,
-        attributes: &const { wgpu::vertex_attr_array![0 => Uint32x4] },
-    }
 }
 
 fn pipeline(

@@ -2,6 +2,8 @@
 
 use glam::DVec3;
 
+use super::InstanceBox;
+
 /// An axis-aligned box in the model's unit of length; empty while `low` exceeds `high`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bounds {
@@ -23,6 +25,12 @@ impl Bounds {
     /// Grows by a point; one that is not finite is left out.
     pub fn with_point(self, point: DVec3) -> Self {
         if point.is_finite() { Self { low: self.low.min(point), high: self.high.max(point) } } else { self }
+    }
+
+    /// Grows by an instance.
+    pub fn with_box(self, instance: &InstanceBox) -> Self {
+        let InstanceBox { centre, half_extent, .. } = *instance;
+        self.with_point(centre - half_extent).with_point(centre + half_extent)
     }
 
     /// The box around both.

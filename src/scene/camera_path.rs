@@ -14,6 +14,7 @@ use glam::DVec3;
 
 use super::Bounds;
 use super::camera::{Camera, DEFAULT_VERTICAL_FOV_RADIANS, orientation};
+use super::views::{near_of, reach_of};
 pub use keyframes::{Keyframe, Keyframes};
 
 /// How many frames `teleport` stays at one view.
@@ -24,10 +25,6 @@ pub const WALK_STEP: f64 = 1.0 / 2000.0;
 
 /// The most that `walk` turns in one frame.
 pub const WALK_TURN_DEGREES: f64 = 0.1;
-
-/// The near plane's distance as a fraction of the scene's diagonal. Reversed f32 depth stays evenly precise however
-/// small this is; it only has to be above zero, and small enough not to cut what the eye stands next to.
-const NEAR_FRACTION: f64 = 1e-5;
 
 /// A camera path that cannot be had. The path or name comes last in every message.
 #[derive(Debug, thiserror::Error)]
@@ -108,7 +105,7 @@ impl CameraPath {
             Self::Through => stage.through(frame as f64 / frames.saturating_sub(1).max(1) as f64),
             Self::Still => stage.still(),
             Self::Teleport => stage.teleport(frame / TELEPORT_FRAMES),
-            Self::Keyframes(keyframes) => keyframes.camera(frame, stage.near(), stage.reach()),
+            Self::Keyframes(keyframes) => keyframes.camera(frame, near_of(bounds), reach_of(bounds)),
         }
     }
 }
@@ -119,6 +116,7 @@ struct Stage {
     extent: DVec3,
     /// See [`Bounds::scale`].
     diagonal: f64,
+    near: f64,
     /// The longer of the two horizontal axes, and the other: long things are shown from the side.
     long: DVec3,
     side: DVec3,
@@ -128,17 +126,7 @@ impl Stage {
     fn of(bounds: &Bounds) -> Self {
         let extent = bounds.extent().min(DVec3::splat(bounds.scale()));
         let (long, side) = if extent.x >= extent.z { (DVec3::X, DVec3::Z) } else { (DVec3::Z, DVec3::X) };
-        Self { centre: bounds.centre(), extent, diagonal: bounds.scale(), long, side }
-    }
-
-    fn near(&self) -> f64 {
-        // Below this an f32 near plane would not be a normal number any more.
-        (self.diagonal * NEAR_FRACTION).max(1e-37)
-    }
-
-    /// Far enough for a camera without perspective, wherever in the scene its eye is.
-    fn reach(&self) -> f64 {
-        2.0 * self.diagonal
+        Self { centre: bounds.centre(), extent, diagonal: bounds.scale(), near: near_of(bounds), long, side }
     }
 
     /// A camera at `offset` from the centre that looks along `direction`.
@@ -147,7 +135,7 @@ impl Stage {
             eye: self.centre + offset,
             world_from_view: orientation(direction, DVec3::Y),
             vertical_fov_radians: DEFAULT_VERTICAL_FOV_RADIANS,
-            near: self.near(),
+            near: self.near,
             parallel: None,
         }
     }

@@ -7,7 +7,7 @@ use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::mapped::MapError;
+use super::mapped::{MapError, open_regular};
 
 /// An open file that many threads may read at once.
 #[derive(Debug)]
@@ -23,19 +23,7 @@ impl PayloadFile {
     /// # Errors
     /// A path that is missing, not a file, or an empty file; anything that the system refuses.
     pub fn open(path: &Path) -> Result<Self, MapError> {
-        let refused = |cause: io::Error| match cause.kind() {
-            io::ErrorKind::NotFound => MapError::Missing { path: path.to_owned() },
-            _ => MapError::Io { cause, path: path.to_owned() },
-        };
-        // Looked at by name first, because opening a pipe waits for its other end.
-        if !std::fs::metadata(path).map_err(refused)?.is_file() {
-            return Err(MapError::NotAFile { path: path.to_owned() });
-        }
-        let file = File::open(path).map_err(refused)?;
-        let bytes = file.metadata().map_err(refused)?.len();
-        if bytes == 0 {
-            return Err(MapError::Empty { path: path.to_owned() });
-        }
+        let (file, bytes) = open_regular(path)?;
         Ok(Self { file, bytes, path: path.to_owned() })
     }
 

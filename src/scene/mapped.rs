@@ -37,6 +37,15 @@ pub enum MapError {
     },
 }
 
+impl MapError {
+    fn of(cause: io::Error, path: &Path) -> Self {
+        match cause.kind() {
+            io::ErrorKind::NotFound => Self::Missing { path: path.to_owned() },
+            _ => Self::Io { cause, path: path.to_owned() },
+        }
+    }
+}
+
 /// A file in the address space, read-only; its pages are read from disk when they are first touched.
 #[derive(Debug)]
 pub struct MappedFile {
@@ -52,24 +61,27 @@ impl MappedFile {
     /// # Errors
     /// A path that is missing, not a file, or an empty file; anything that the system refuses.
     pub fn open(path: &Path) -> Result<Self, MapError> {
-        let refused = |cause: io::Error| match cause.kind() {
-            io::ErrorKind::NotFound => MapError::Missing { path: path.to_owned() },
-            _ => MapError::Io { cause, path: path.to_owned() },
-        };
-        // Looked at by name first, because opening a pipe waits for its other end.
-        if !std::fs::metadata(path).map_err(refused)?.is_file() {
-            return Err(MapError::NotAFile { path: path.to_owned() });
-        }
-        let file = File::open(path).map_err(refused)?;
-        if file.metadata().map_err(refused)?.len() == 0 {
-            return Err(MapError::Empty { path: path.to_owned() });
-        }
-        map(&file).map(|map| Self { map }).map_err(refused)
+        let (file, _) = open_regular(path)?;
+        map(&file).map(|map| Self { map }).map_err(|cause| MapError::of(cause, path))
     }
 
     /// The bytes of the file; they start at a multiple of the page size.
     pub fn bytes(&self) -> &[u8] {
         &self.map
+    }
+}
+
+/// Opens a file that is not empty, and says how many bytes it has.
+pub(super) fn open_regular(path: &Path) -> Result<(File, u64), MapError> {
+    let refused = |cause| MapError::of(cause, path);
+    // Looked at by name first, because opening a pipe waits for its other end.
+    if !std::fs::metadata(path).map_err(refused)?.is_file() {
+        return Err(MapError::NotAFile { path: path.to_owned() });
+    }
+    let file = File::open(path).map_err(refused)?;
+    match file.metadata().map_err(refused)?.len() {
+        0 => Err(MapError::Empty { path: path.to_owned() }),
+        bytes => Ok((file, bytes)),
     }
 }
 

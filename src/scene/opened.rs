@@ -93,9 +93,7 @@ impl Scene {
         let colours = container.materials().iter().map(|material| material.base_colour).collect();
         let boxes: Vec<InstanceBox> =
             rows.par_iter().map(|instance| instance_box(&all[instance.part as usize], instance)).collect();
-        let bounds = boxes.iter().fold(Bounds::EMPTY, |bounds, b| {
-            bounds.with_point(b.centre - b.half_extent).with_point(b.centre + b.half_extent)
-        });
+        let bounds = boxes.iter().fold(Bounds::EMPTY, Bounds::with_box);
         let has_parents = all.iter().any(PartRow::is_parent);
         use SectionKind as Kind;
         let sections =

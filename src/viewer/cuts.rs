@@ -2,11 +2,8 @@
 
 use glam::DVec3;
 
-use crate::passes::draw::Section;
+use crate::passes::draw::{MOST_PLANES, Section};
 use crate::scene::Bounds;
-
-/// The most planes beside the box.
-pub const MOST_PLANES: usize = 6;
 
 /// Which way a plane faces.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -13,8 +13,9 @@ use super::cuts::Cuts;
 use super::history::History;
 use super::loader::Loaded;
 use super::measure::{Measuring, What};
+use super::navigation::motions::pixel_of;
 use super::navigation::{Framing, Input, Navigation, Picture};
-use super::painter::{Done, Errand, Frame, Measured, Painter, Trouble, Wake, Wish};
+use super::painter::{Done, Errand, Frame, Measured, Painter, Purpose, Trouble, Wake, Wish};
 use super::panels::look::Look as LookSettings;
 use super::settings::Settings;
 use super::tree::Tree;
@@ -24,31 +25,6 @@ use crate::gpu::Gpu;
 use crate::passes::draw::{Look, Style};
 use crate::scene::views::StandardView;
 use crate::scene::{Bounds, Camera, Scene};
-
-/// What a pick is for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Purpose {
-    /// To see what is under the pointer.
-    Hover = 0,
-    /// To select it.
-    Select = 1,
-    /// The same, beside what is selected already.
-    SelectMore = 2,
-    /// The hand took hold of it.
-    Grab = 3,
-    /// To cut along its face.
-    Cut = 4,
-    /// To show all of it.
-    Fit = 5,
-}
-
-impl Purpose {
-    const ALL: [Self; 6] = [Self::Hover, Self::Select, Self::SelectMore, Self::Grab, Self::Cut, Self::Fit];
-
-    fn of(number: u32) -> Option<Self> {
-        Self::ALL.into_iter().find(|&purpose| purpose as u32 == number)
-    }
-}
 
 /// What somebody else has to know of, or to do.
 #[derive(Debug, Clone, PartialEq)]
@@ -99,23 +75,10 @@ pub struct Document {
     looks: Arc<Vec<Look>>,
     looks_revision: Option<u64>,
     /// The last wish's camera and so on, to see whether there is anything new to wish for.
-    wished: Option<Wished>,
+    wished: Option<Wish>,
     /// Whether a pick for the pointer is on its way.
     is_hover_due: bool,
     budget_was_halved: Option<u32>,
-}
-
-/// What a wish is compared by.
-#[derive(Debug, Clone, PartialEq)]
-struct Wished {
-    camera: Camera,
-    frozen: Option<Camera>,
-    size: [u32; 2],
-    style: Style,
-    spending: crate::frame::Spending,
-    look: LookSettings,
-    watched: Option<u32>,
-    looks: usize,
 }
 
 impl Document {
@@ -181,7 +144,7 @@ impl Document {
         if purpose == Purpose::Hover && std::mem::replace(&mut self.is_hover_due, true) {
             return;
         }
-        self.errand(Errand::Pick { at, purpose: purpose as u32 });
+        self.errand(Errand::Pick { at, purpose });
     }
 
     /// Has something done once.
@@ -231,7 +194,7 @@ impl Document {
             Done::Saved(path) => Some(Happened::Said(format!("Saved {}", path.display()))),
             Done::NotSaved(why) | Done::NotMeasured(why) => Some(Happened::Failed(why)),
             Done::Measured(measured) => measured.map(Happened::Measured),
-            Done::Picked { purpose, found, .. } => self.picked(Purpose::of(purpose)?, found),
+            Done::Picked { purpose, found, .. } => self.picked(purpose, found),
         }
     }
 
@@ -296,14 +259,10 @@ impl Document {
     pub fn select_in_frame(&mut self, from: DVec2, to: DVec2) {
         let (low, high) = (from.min(to), from.max(to));
         let camera = *self.navigation.camera();
-        let size = DVec2::new(self.size[0].into(), self.size[1].into());
-        let clip_from_relative = camera.clip_from_relative(self.aspect() as f32);
+        let picture = self.picture();
         let is_inside = |instance: u32| {
-            let relative = self.scene().boxes()[instance as usize].centre - camera.eye;
-            let clip = clip_from_relative * relative.as_vec3().extend(1.0);
-            let ndc = DVec2::new(f64::from(clip.x / clip.w), -f64::from(clip.y / clip.w));
-            let at = (ndc + 1.0) * 0.5 * size;
-            clip.w > 0.0 && at.cmpge(low).all() && at.cmple(high).all()
+            let middle = self.scene().boxes()[instance as usize].centre;
+            pixel_of(&camera, picture, middle).is_some_and(|at| at.cmpge(low).all() && at.cmple(high).all())
         };
         let assembly = &self.loaded.assembly;
         let mut found = Bits::new(assembly.leaves());
@@ -344,10 +303,7 @@ impl Document {
     /// The box around instances.
     pub fn bounds_of(&self, instances: impl IntoIterator<Item = u32>) -> Bounds {
         let boxes = self.scene().boxes();
-        instances.into_iter().fold(Bounds::EMPTY, |all, instance| {
-            let of = &boxes[instance as usize];
-            all.with_point(of.centre - of.half_extent).with_point(of.centre + of.half_extent)
-        })
+        instances.into_iter().map(|instance| &boxes[instance as usize]).fold(Bounds::EMPTY, Bounds::with_box)
     }
 
     /// The box around all that is selected; empty if nothing is.
@@ -360,11 +316,15 @@ impl Document {
         self.watched.map_or(Bounds::EMPTY, |instance| self.bounds_of(self.scene().placement(instance)))
     }
 
+    /// The picture that the camera sees, in pixels.
+    pub fn picture(&self) -> Picture {
+        Picture::new(self.size[0].into(), self.size[1].into())
+    }
+
     /// Turns the model as if it had been dragged so far, in points of the interface.
     pub fn orbit(&mut self, by: egui::Vec2) {
-        let picture = Picture::new(self.size[0].into(), self.size[1].into());
         let by = DVec2::new(by.x.into(), by.y.into());
-        self.navigation.apply(Input::Orbit { by }, picture);
+        self.navigation.apply(Input::Orbit { by }, self.picture());
     }
 
     /// Goes to where something was measured.
@@ -436,22 +396,13 @@ impl Document {
             return;
         }
         if let Some(painter) = &self.painter {
-            painter.wish(Wish {
-                camera: wished.camera,
-                frozen: wished.frozen,
-                size: wished.size,
-                style: wished.style.clone(),
-                spending: wished.spending,
-                colour_by: wished.look.colour_by,
-                looks: Arc::clone(&self.looks),
-                watched: wished.watched,
-            });
+            painter.wish(wished.clone());
         }
         self.wished = Some(wished);
     }
 
-    fn wished_now(&self, settings: &Settings) -> Wished {
-        Wished {
+    fn wished_now(&self, settings: &Settings) -> Wish {
+        Wish {
             camera: *self.navigation.camera(),
             frozen: self.frozen,
             size: self.size,
@@ -462,9 +413,9 @@ impl Document {
                 ..Style::default()
             },
             spending: settings.spending(),
-            look: self.look,
+            colour_by: self.look.colour_by,
+            looks: Arc::clone(&self.looks),
             watched: self.watched,
-            looks: Arc::as_ptr(&self.looks) as usize,
         }
     }
 }

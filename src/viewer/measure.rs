@@ -290,10 +290,7 @@ pub fn extent_of(scene: &Scene, instances: &[u32]) -> Option<Extent> {
         let (row, placed) =
             (scene.instances().get(instance as usize)?, scene.boxes().get(instance as usize)?);
         let transform = row.transform();
-        extent.bounds = extent
-            .bounds
-            .with_point(placed.centre - placed.half_extent)
-            .with_point(placed.centre + placed.half_extent);
+        extent.bounds = extent.bounds.with_box(placed);
         extent.is_at_most |= !keeps_axes(&transform.matrix3);
         let step = scene.parts()[row.part as usize].grid().step();
         // Half a step at either end.

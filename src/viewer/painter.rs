@@ -45,6 +45,34 @@ pub struct Wish {
     pub watched: Option<u32>,
 }
 
+impl PartialEq for Wish {
+    /// Looks are many: another table of them is another wish, whatever it says.
+    fn eq(&self, other: &Self) -> bool {
+        fn values(of: &Wish) -> impl PartialEq + '_ {
+            let Wish { camera, frozen, size, style, spending, colour_by, watched, looks: _ } = of;
+            (camera, frozen, size, style, spending, colour_by, watched)
+        }
+        values(self) == values(other) && Arc::ptr_eq(&self.looks, &other.looks)
+    }
+}
+
+/// What a pick is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// To see what is under the pointer.
+    Hover,
+    /// To select it.
+    Select,
+    /// The same, beside what is selected already.
+    SelectMore,
+    /// The hand took hold of it.
+    Grab,
+    /// To cut along its face.
+    Cut,
+    /// To show all of it.
+    Fit,
+}
+
 /// What is done once.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Errand {
@@ -52,8 +80,8 @@ pub enum Errand {
     Pick {
         /// Pixels from the upper left corner.
         at: [u32; 2],
-        /// What for, as the window knows it.
-        purpose: u32,
+        /// What for.
+        purpose: Purpose,
     },
     /// Say what there is to be measured in a pixel.
     Measure {
@@ -74,7 +102,7 @@ pub enum Done {
     /// What is in a pixel.
     Picked {
         /// As asked.
-        purpose: u32,
+        purpose: Purpose,
         /// As asked.
         at: [u32; 2],
         /// The instance and the point, if there is one.

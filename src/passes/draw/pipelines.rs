@@ -102,7 +102,8 @@ impl Pipelines {
     }
 }
 
-fn active_vertices() -> wgpu::VertexBufferLayout<'static> {
+/// The vertex buffer of a batch.
+pub(in crate::passes) fn active_vertices() -> wgpu::VertexBufferLayout<'static> {
     wgpu::VertexBufferLayout {
         array_stride: ACTIVE_VERTEX_BYTES,
         step_mode: wgpu::VertexStepMode::Vertex,

@@ -6,8 +6,10 @@ use glam::{DVec3, DVec4, Mat4, Vec3, Vec4};
 use crate::scene::Bounds;
 use crate::scene::camera::Camera;
 
+/// How many section planes a user may set, beside a section box.
+pub const MOST_PLANES: usize = 6;
 /// The most planes that cut: six, and the six of a box.
-pub const MOST_SECTIONS: usize = 12;
+pub const MOST_SECTIONS: usize = MOST_PLANES + 6;
 
 /// Bits of what edges are drawn, as in the shader.
 const EDGES_FEATURES: u32 = 1;

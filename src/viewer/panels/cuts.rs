@@ -2,8 +2,9 @@
 
 use egui::{DragValue, Slider, Ui};
 
+use crate::passes::draw::MOST_PLANES;
 use crate::scene::Bounds;
-use crate::viewer::cuts::{Boxed, Cuts, Facing, MOST_PLANES, Plane};
+use crate::viewer::cuts::{Boxed, Cuts, Facing, Plane};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 

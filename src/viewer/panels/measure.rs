@@ -5,6 +5,7 @@ use glam::DVec3;
 
 use crate::viewer::document::Document;
 use crate::viewer::measure::{Measurement, Measuring, Mode, Step, Unit, Units, What};
+use crate::viewer::navigation::motions::pixel_of;
 
 /// What the user did.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -139,12 +140,11 @@ pub fn text(measurement: &Measurement, units: &Units) -> String {
 
 /// Draws over a picture what was measured, and the point that waits for the second.
 pub fn paint(ui: &Ui, picture: Rect, tool: &Measuring, document: &Document, units: &Units) {
-    let camera = document.navigation.camera();
-    let aspect = document.aspect() as f32;
+    let [width, height] = document.size.map(|pixels| pixels as f32);
+    let points = picture.size() / egui::vec2(width, height);
     let place = |point: DVec3| {
-        let clip = camera.clip_from_relative(aspect) * (point - camera.eye).as_vec3().extend(1.0);
-        let ndc = egui::vec2(clip.x / clip.w, -clip.y / clip.w);
-        (clip.w > 0.0).then(|| picture.min + 0.5 * (ndc + egui::Vec2::splat(1.0)) * picture.size())
+        let pixel = pixel_of(document.navigation.camera(), document.picture(), point)?.as_vec2();
+        Some(picture.min + egui::vec2(pixel.x, pixel.y) * points)
     };
     let painter = ui.painter().with_clip_rect(picture);
     let colour = Color32::from_rgb(230, 90, 20);

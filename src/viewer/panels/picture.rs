@@ -6,9 +6,10 @@ use egui::{
 };
 use glam::DVec2;
 
-use crate::viewer::document::{Document, Purpose};
+use crate::viewer::document::Document;
 use crate::viewer::mouse::{Action, Button, Gesture, Hand, Modifiers, Preset};
-use crate::viewer::navigation::{FlyKeys, Input, Picture};
+use crate::viewer::navigation::{FlyKeys, Input};
+use crate::viewer::painter::Purpose;
 
 /// What the mouse is for just now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -116,7 +117,7 @@ impl PicturePanel {
             }
             Gesture::Dragged { action, from, to } => {
                 if let Some(input) = input_of(action, tool, from, to) {
-                    let picture = Picture::new(document.size[0].into(), document.size[1].into());
+                    let picture = document.picture();
                     document.navigation.apply(input, picture);
                 }
             }
@@ -161,7 +162,8 @@ impl PicturePanel {
         }
         let picked = document.hovered.map(|pick| pick.point);
         let input = Input::Zoom { at: self.pixel(at), steps, picked };
-        document.navigation.apply(input, Picture::new(document.size[0].into(), document.size[1].into()));
+        let picture = document.picture();
+        document.navigation.apply(input, picture);
     }
 
     /// Asks for what is under the pointer when it has moved.

@@ -9,10 +9,7 @@ use std::time::{Duration, Instant};
 use collapsar::stats::report::percentile;
 use collapsar::stats::{FrameRecord, Summary};
 
-use crate::workplace::{Outcome, Workplace, has_gpu};
-
-/// Moments of a flight at which its container changes; `COLLAPSAR_MOMENTS` asks for another number of them.
-const MOMENTS: u32 = 20;
+use crate::workplace::{Outcome, Workplace, has_gpu, moments};
 
 /// A container of an assembly, made once for all tests.
 fn container() -> &'static [u8] {
@@ -187,7 +184,7 @@ fn a_container_that_is_cut_short_or_replaced_ends_a_flight_with_one_line_or_not_
     if !has_gpu(name) {
         return;
     }
-    let moments = std::env::var("COLLAPSAR_MOMENTS").map_or(MOMENTS, |count| count.parse().unwrap());
+    let moments = moments();
     let other = Workplace::new();
     other.run(&["synth", "--triangles", "20k", "--parts", "60", "--seed", "7", "-o", "o.clps"]).succeeded();
     let other = other.read("o.clps");

@@ -7,10 +7,7 @@ use std::time::{Duration, Instant};
 use crate::common::{height_field, patched_box};
 use crate::full_disk::in_namespace;
 use crate::models::obj;
-use crate::workplace::{Outcome, Workplace, names};
-
-/// How often bakes are killed, and how many sizes a disk has.
-const MOMENTS: u32 = 20;
+use crate::workplace::{Outcome, Workplace, moments, names};
 
 const BAKE: [&str; 4] = ["bake", "model.obj", "-o", "model.clps"];
 const RESUME: [&str; 5] = ["bake", "model.obj", "-o", "model.clps", "--resume"];
@@ -52,17 +49,17 @@ fn a_compressing_bake_that_is_killed_at_any_moment_goes_on_to_the_same_bytes() {
 fn kill_and_resume(more: Option<&str>) {
     let place = workplace();
     let (whole, duration) = undisturbed_with(&place, more);
-    let mut resumed = 0;
-    for moment in 0..MOMENTS {
+    let (mut resumed, moments) = (0, moments());
+    for moment in 0..moments {
         let mut child = place.command(&with(&BAKE, more)).spawn().unwrap();
-        std::thread::sleep(duration * moment / MOMENTS);
+        std::thread::sleep(duration * moment / moments);
         child.kill().unwrap();
         let died = !child.wait().unwrap().success();
         // Killed after the container had its name, it may not have come to tidying up.
         assert!(!died || !place.path("model.clps").exists() || place.read("model.clps") == whole);
         resumed += u32::from(place.path("model.clps.bake").join("round-0").exists());
         place.run(&with(&RESUME, more)).succeeded();
-        assert!(place.read("model.clps") == whole, "killed at moment {moment} of {MOMENTS}: other bytes");
+        assert!(place.read("model.clps") == whole, "killed at moment {moment} of {moments}: other bytes");
         assert_eq!(names(&place.path("")), ["model.clps", "model.obj", "whole.clps"]);
         fs::remove_file(place.path("model.clps")).unwrap();
     }
@@ -86,10 +83,10 @@ fn a_bake_onto_a_disk_of_any_size_fails_clearly_and_goes_on_when_there_is_room()
     let place = workplace();
     place.make_folder("full");
     let (whole, _) = undisturbed(&place);
-    let mut failed = 0;
-    for step in 1..=MOMENTS {
+    let (mut failed, moments) = (0, moments());
+    for step in 1..=moments {
         // To more than twice the container: its chunks lie there twice before it has its name.
-        let size = (u64::from(step) * whole.len() as u64 * 5 / 2 / u64::from(MOMENTS)).next_multiple_of(4096);
+        let size = (u64::from(step) * whole.len() as u64 * 5 / 2 / u64::from(moments)).next_multiple_of(4096);
         let bake = ["bake", "model.obj", "-o", "full/model.clps"];
         let Some(outcome) = in_namespace(&place, SCRIPT, &size.to_string(), &bake) else { return };
         match outcome.code {
@@ -101,7 +98,7 @@ fn a_bake_onto_a_disk_of_any_size_fails_clearly_and_goes_on_when_there_is_room()
         }
         assert!(place.read("result.clps") == whole, "{size} bytes: other bytes after all");
     }
-    assert!((1..MOMENTS).contains(&failed), "{failed} of {MOMENTS} disks were too small");
+    assert!((1..moments).contains(&failed), "{failed} of {moments} disks were too small");
 }
 
 /// Interrupts a bake when something is done; gives its message.

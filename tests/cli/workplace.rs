@@ -12,6 +12,11 @@ use serde_json::Value;
 /// Nothing that a test asks for may take longer.
 const TIME_LIMIT: Duration = Duration::from_secs(60);
 
+/// At how many moments something is killed, cut short or filled up; `COLLAPSAR_MOMENTS` asks for another number of them.
+pub fn moments() -> u32 {
+    std::env::var("COLLAPSAR_MOMENTS").map_or(20, |count| count.parse().unwrap())
+}
+
 /// A temporary folder in which the binary runs, so that tests name files without folders.
 pub struct Workplace {
     folder: tempfile::TempDir,

@@ -27,7 +27,8 @@ use crate::container::{self, ContainerError, Form, Rows, Watch as WriteWatch, Wr
 use crate::geometry::body::{BodyOutcome, OrderOptions, order_body};
 use crate::geometry::cell_tree::Watch;
 use crate::geometry::normals::{CREASE_DEGREES, by_crease_angle};
-use crate::import::{self, ImportError, SourceMesh};
+use crate::import::{self, ImportError, Room, SourceMesh};
+use crate::whole_file::folder_of;
 
 pub use bodies::{Body, MaterialRuns, Placement, bodies, merged};
 pub use part_report::PartReport;
@@ -213,7 +214,7 @@ pub fn bake(
 ) -> Result<BakeReport, BakeError> {
     let started = Instant::now();
     container::check_destination(output)?;
-    let source = Loaded::new(import::read(inputs)?);
+    let source = Loaded::shelved(import::read_into(inputs, &room_for_input(output, options))?, inputs);
     let import_seconds = started.elapsed().as_secs_f64();
     progress.check()?;
     let mut report = bake_source(&source, output, options, progress).map_err(|error| match error {
@@ -276,6 +277,15 @@ fn stopped(error: BakeError, work: Work, total: usize) -> BakeError {
     }
     work.remove();
     cause.map_or(BakeError::Interrupted, BakeError::Container)
+}
+
+/// The share of the memory that meshes may take which were read and are not ordered yet.
+const INPUT_SHARE: u64 = 4;
+
+/// Where what was read is kept until it is ordered.
+fn room_for_input(output: &Path, options: &BakeOptions) -> Room {
+    let memory_bytes = options.memory_bytes.unwrap_or_else(import::memory_at_hand);
+    Room::new(memory_bytes / INPUT_SHARE, options.memory_bytes, folder_of(output))
 }
 
 /// What the bake of one triangle takes, in bytes: the mesh, what orders it, and the result, all at their largest.

@@ -1,9 +1,10 @@
 //! A model in, its meshes one at a time out, so that a bake needs not hold all of them.
 
-use parking_lot::Mutex;
+use std::path::PathBuf;
+
 use xxhash_rust::xxh3::Xxh3;
 
-use crate::import::{ImportError, Instance, Material, Model, Node, SourceMesh};
+use crate::import::{ImportError, Instance, Material, Model, Node, Shelf, Shelved, SourceMesh};
 
 /// All of a model but what its meshes consist of.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -54,10 +55,16 @@ pub trait MeshSource: Sync {
 }
 
 impl Outline {
-    /// That of a model, whose lists it copies.
+    /// That of a model in memory, whose lists it copies.
     pub fn of(model: &Model) -> Self {
+        let mesh = |mesh: &SourceMesh| MeshOutline {
+            name: mesh.name.clone(),
+            body: mesh.body,
+            triangles: mesh.triangles.len() as u64,
+            coloured: !mesh.colours.is_empty(),
+        };
         Self {
-            meshes: model.meshes.iter().map(MeshOutline::of).collect(),
+            meshes: model.meshes.iter().map(mesh).collect(),
             instances: model.instances.clone(),
             nodes: model.nodes.clone(),
             materials: model.materials.clone(),
@@ -66,34 +73,40 @@ impl Outline {
     }
 }
 
-impl MeshOutline {
-    fn of(mesh: &SourceMesh) -> Self {
+impl From<&Shelved> for MeshOutline {
+    fn from(mesh: &Shelved) -> Self {
         Self {
             name: mesh.name.clone(),
             body: mesh.body,
-            triangles: mesh.triangles.len() as u64,
-            coloured: !mesh.colours.is_empty(),
+            triangles: mesh.triangles,
+            coloured: mesh.is_coloured,
         }
     }
 }
 
-/// A model in memory; each mesh is given away when it is asked for.
+/// A model that was read; each mesh is given away when it is asked for.
 #[derive(Debug)]
 pub struct Loaded {
     outline: Outline,
-    meshes: Vec<Mutex<SourceMesh>>,
-    bytes: u64,
+    meshes: Shelf,
+    inputs: PathBuf,
 }
 
 impl Loaded {
-    /// Takes a model apart.
+    /// Takes a model in memory apart.
     pub fn new(model: Model) -> Self {
         let Model { meshes, instances, nodes, materials, notes } = model;
-        let outlines = meshes.iter().map(MeshOutline::of).collect();
+        Self::shelved(Model { meshes: Shelf::of(meshes), instances, nodes, materials, notes }, &[])
+    }
+
+    /// Takes a model apart that was read from files.
+    pub fn shelved(model: Model<Shelf>, inputs: &[PathBuf]) -> Self {
+        let Model { meshes, instances, nodes, materials, notes } = model;
+        let outlines = meshes.meshes().iter().map(MeshOutline::from).collect();
         Self {
             outline: Outline { meshes: outlines, instances, nodes, materials, notes },
-            bytes: meshes.iter().map(bytes_of).sum(),
-            meshes: meshes.into_iter().map(Mutex::new).collect(),
+            meshes,
+            inputs: inputs.first().cloned().unwrap_or_default(),
         }
     }
 }
@@ -104,26 +117,18 @@ impl MeshSource for Loaded {
     }
 
     fn load(&self, mesh: usize) -> Result<SourceMesh, ImportError> {
-        Ok(std::mem::take(&mut *self.meshes[mesh].lock()))
+        self.meshes.give(mesh).map_err(|problem| ImportError::File { problem, path: self.inputs.clone() })
     }
 
     fn fingerprint(&self) -> u64 {
         let mut hash = Xxh3::new();
-        for mesh in &self.meshes {
-            let mesh = mesh.lock();
-            hash.update(mesh.name.as_bytes());
-            hash.update(&mesh.body.to_le_bytes());
-            hash.update(bytemuck::cast_slice(&mesh.positions));
-            hash.update(bytemuck::cast_slice(&mesh.normals));
-            hash.update(bytemuck::cast_slice(&mesh.colours));
-            hash.update(bytemuck::cast_slice(&mesh.triangles));
-        }
+        self.meshes.meshes().iter().for_each(|mesh| mesh.update(&mut hash));
         hash_outline(&self.outline, &mut hash);
         hash.digest()
     }
 
     fn bytes_held(&self) -> u64 {
-        self.bytes
+        self.meshes.bytes_held()
     }
 }
 
@@ -143,9 +148,4 @@ pub fn hash_outline(outline: &Outline, hash: &mut Xxh3) {
         hash.update(&material.base_colour);
         hash.update(material.name.as_bytes());
     }
-}
-
-fn bytes_of(mesh: &SourceMesh) -> u64 {
-    let vertices = 12 * (mesh.positions.len() + mesh.normals.len()) + 4 * mesh.colours.len();
-    (vertices + 12 * mesh.triangles.len()) as u64
 }

@@ -66,6 +66,24 @@ pub enum Problem {
         /// Why it cannot be followed.
         why: String,
     },
+    /// What does not fit the memory cannot be kept on disk.
+    #[error(
+        "cannot put a mesh away on the disk of the output, or read it back ({0}): make room there, or allow more memory"
+    )]
+    Shelve(#[source] io::Error),
+    /// What a format cannot do without is more than the memory cap.
+    #[error(
+        "a cap of {cap_bytes} bytes of memory is too little: {what} about {need_bytes}; give --memory {}MiB or more",
+        need_bytes.div_ceil(1 << 20)
+    )]
+    TooLittleMemory {
+        /// The cap.
+        cap_bytes: u64,
+        /// The least that works.
+        need_bytes: u64,
+        /// What takes it, and how.
+        what: &'static str,
+    },
     /// More than the program's tables can hold.
     #[error("the model has too many {what}")]
     TooMany {

@@ -9,6 +9,7 @@ use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
 
 use super::Problem;
+use crate::scene::mapped::{MapError, MappedFile};
 
 /// The extensions of packed files, in lower case; the model's own comes before.
 pub const PACKED_EXTENSIONS: [&str; 2] = ["zst", "gz"];
@@ -119,18 +120,18 @@ impl<'a> Input<'a> {
         Ok(Box::new(BufReader::with_capacity(BUFFER_BYTES, unpacked)))
     }
 
-    /// All bytes at once.
+    /// All bytes at once: of a plain file its pages as they are used, of a packed one in memory.
     ///
     /// # Errors
     ///
     /// [`Problem::Read`] and [`Problem::Packed`].
-    pub fn read_all(&self) -> Result<Vec<u8>, Problem> {
+    pub fn bytes(&self) -> Result<Bytes, Problem> {
         if self.packing.is_none() {
-            return Ok(fs::read(self.path)?);
+            return Bytes::mapped(self.path);
         }
         let mut bytes = Vec::new();
         self.open()?.read_to_end(&mut bytes)?;
-        Ok(bytes)
+        Ok(Bytes::Held(bytes))
     }
 
     /// How many bytes there are, unpacked; reads a packed file to its end.
@@ -142,6 +143,59 @@ impl<'a> Input<'a> {
         match self.packing {
             None => Ok(fs::metadata(self.path)?.len()),
             Some(_) => Ok(io::copy(&mut self.open()?, &mut io::sink())?),
+        }
+    }
+}
+
+/// The bytes of a file.
+#[derive(Debug)]
+pub(super) enum Bytes {
+    /// In memory.
+    Held(Vec<u8>),
+    /// In the address space; the system may take their memory back at any time.
+    Mapped(MappedFile),
+}
+
+impl Bytes {
+    /// Those of a plain file.
+    ///
+    /// # Errors
+    ///
+    /// [`Problem::Read`] or [`Problem::NotAFile`].
+    pub fn mapped(path: &Path) -> Result<Self, Problem> {
+        match MappedFile::open(path) {
+            Ok(file) => Ok(Self::Mapped(file)),
+            // There is nothing to map.
+            Err(MapError::Empty { .. }) => Ok(Self::Held(Vec::new())),
+            Err(MapError::Missing { .. }) => Err(Problem::Read(io::ErrorKind::NotFound.into())),
+            Err(MapError::NotAFile { .. }) => Err(Problem::NotAFile),
+            Err(MapError::Io { cause, .. }) => Err(Problem::Read(cause)),
+        }
+    }
+
+    /// Gives back the memory of what was read so far and can be read again.
+    pub fn release(&self) {
+        if let Self::Mapped(file) = self {
+            file.release();
+        }
+    }
+
+    /// Bytes of memory that it takes.
+    pub fn held(&self) -> u64 {
+        match self {
+            Self::Held(bytes) => bytes.len() as u64,
+            Self::Mapped(_) => 0,
+        }
+    }
+}
+
+impl std::ops::Deref for Bytes {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        match self {
+            Self::Held(bytes) => bytes,
+            Self::Mapped(file) => file.bytes(),
         }
     }
 }
@@ -197,7 +251,7 @@ impl<R: Read> Read for Unpacked<R> {
 }
 
 /// The bytes of memory that can be had without harm.
-pub(super) fn memory_at_hand() -> u64 {
+pub(crate) fn memory_at_hand() -> u64 {
     let text = fs::read_to_string("/proc/meminfo").unwrap_or_default();
     let available = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"));
     let kilobytes = available.and_then(|rest| rest.trim().strip_suffix("kB")?.trim().parse::<u64>().ok());

@@ -14,6 +14,7 @@ mod notes;
 mod obj;
 mod ply;
 mod polygon;
+mod shelf;
 mod stl;
 mod tint;
 
@@ -23,8 +24,10 @@ use glam::DAffine3;
 
 pub use error::{ImportError, Problem};
 pub use model::{Colour, Instance, Material, Model, Node, SourceMesh};
+pub use shelf::{Room, Shelf, Shelved};
 
 pub use input::PACKED_EXTENSIONS;
+pub(crate) use input::memory_at_hand;
 use input::{Input, extension_of, stem_of};
 use notes::{Notes, quoted};
 
@@ -35,9 +38,9 @@ pub const EXTENSIONS: [&str; 5] = ["obj", "glb", "gltf", "ply", "stl"];
 pub const MAX_INSTANCES: usize = 1 << 24;
 
 /// What reads one format.
-type Importer = fn(&Input<'_>) -> Result<Model, Problem>;
+type Importer = fn(&Input<'_>, Shelf) -> Result<Model<Shelf>, Problem>;
 
-/// Reads files of any known format into one model.
+/// Reads files of any known format into one model, all of it in memory.
 ///
 /// Of one file the model has that file's own root nodes; of several, each file is a root node named after its
 /// stem.
@@ -47,16 +50,28 @@ type Importer = fn(&Input<'_>) -> Result<Model, Problem>;
 /// [`ImportError`] if there is no file, one cannot be read or understood, or no triangle is left in any of
 /// them.
 pub fn read(paths: &[PathBuf]) -> Result<Model, ImportError> {
+    let Model { meshes, instances, nodes, materials, notes } = read_into(paths, &Room::default())?;
+    let given = (0..meshes.len()).map(|number| meshes.give(number)).collect::<Result<_, _>>();
+    let meshes = given.map_err(|problem| problem.at(&list_of(paths)))?;
+    Ok(Model { meshes, instances, nodes, materials, notes })
+}
+
+/// The same, with its meshes on a shelf, which takes no more memory than there is room.
+///
+/// # Errors
+///
+/// As [`read`], and what keeps meshes from being put away.
+pub fn read_into(paths: &[PathBuf], room: &Room) -> Result<Model<Shelf>, ImportError> {
     let importers = paths
         .iter()
         .map(|path| importer_of(path).map_err(|problem| problem.at(path)))
         .collect::<Result<Vec<Importer>, ImportError>>()?;
     let mut model = match (paths, &importers[..]) {
         ([], _) => return Err(ImportError::NoInput),
-        ([path], [importer]) => read_one(path, *importer)?,
-        _ => read_several(paths, &importers)?,
+        ([path], [importer]) => read_one(path, *importer, room)?,
+        _ => read_several(paths, &importers, room)?,
     };
-    if model.meshes.iter().all(|mesh| mesh.triangles.is_empty()) || model.instances.is_empty() {
+    if model.meshes.meshes().iter().all(|mesh| mesh.triangles == 0) || model.instances.is_empty() {
         let problem = Problem::NoTriangles { notes: model.notes.join("; ") };
         return Err(ImportError::File { problem, path: list_of(paths) });
     }
@@ -82,15 +97,16 @@ fn known_extensions() -> String {
 }
 
 /// Reads one file, after the checks that all formats share.
-fn read_one(path: &Path, importer: Importer) -> Result<Model, ImportError> {
-    Input::new(path).and_then(|input| importer(&input)).map_err(|problem| problem.at(path))
+fn read_one(path: &Path, importer: Importer, room: &Room) -> Result<Model<Shelf>, ImportError> {
+    let read = |input| importer(&input, Shelf::new(room));
+    Input::new(path).and_then(read).map_err(|problem| problem.at(path))
 }
 
 /// Reads every file under a root node of its own.
-fn read_several(paths: &[PathBuf], importers: &[Importer]) -> Result<Model, ImportError> {
+fn read_several(paths: &[PathBuf], importers: &[Importer], room: &Room) -> Result<Model<Shelf>, ImportError> {
     let mut all = Model { materials: vec![Material::default()], ..Model::default() };
     for (path, importer) in paths.iter().zip(importers) {
-        let one = read_one(path, *importer)?;
+        let one = read_one(path, *importer, room)?;
         append(&mut all, one, stem_of(path)).map_err(|problem| problem.at(path))?;
     }
     Ok(all)
@@ -102,7 +118,7 @@ fn list_of(paths: &[PathBuf]) -> PathBuf {
 }
 
 /// Adds a model to another, under a new root node.
-fn append(all: &mut Model, one: Model, root_name: String) -> Result<(), Problem> {
+fn append(all: &mut Model<Shelf>, one: Model<Shelf>, root_name: String) -> Result<(), Problem> {
     let mesh_base = index_of(all.meshes.len() + one.meshes.len())? - one.meshes.len() as u32;
     let root = index_of(all.nodes.len() + one.nodes.len())? - one.nodes.len() as u32;
     let material_base = index_of(all.materials.len() + one.materials.len())? - one.materials.len() as u32;
@@ -116,7 +132,7 @@ fn append(all: &mut Model, one: Model, root_name: String) -> Result<(), Problem>
     );
     // Every model's material 0 is the default, which `all` has already.
     all.materials.extend(one.materials.into_iter().skip(1));
-    all.meshes.extend(one.meshes.into_iter().map(|mesh| SourceMesh { body: mesh_base + mesh.body, ..mesh }));
+    all.meshes.append(one.meshes);
     all.instances.extend(one.instances.into_iter().map(|instance| Instance {
         mesh: mesh_base + instance.mesh,
         node: root + 1 + instance.node,
@@ -137,16 +153,22 @@ fn check_instance_count(count: usize) -> Result<(), Problem> {
 }
 
 /// A model of one mesh, placed once at a node of the same name.
-fn model_of_one(mut mesh: SourceMesh, name: String, notes: Notes) -> Model {
+fn model_of_one(
+    mut mesh: SourceMesh,
+    name: String,
+    notes: Notes,
+    mut shelf: Shelf,
+) -> Result<Model<Shelf>, Problem> {
     mesh.name.clone_from(&name);
-    let instance = Instance { mesh: 0, node: 0, material: 0, world_from_part: DAffine3::IDENTITY };
-    Model {
-        meshes: vec![mesh],
+    let mesh = shelf.push(mesh)?;
+    let instance = Instance { mesh, node: 0, material: 0, world_from_part: DAffine3::IDENTITY };
+    Ok(Model {
+        meshes: shelf,
         instances: vec![instance],
         nodes: vec![Node { name, parent: None }],
         materials: vec![Material::default()],
         notes: notes.into_lines(),
-    }
+    })
 }
 
 /// The name of the `nth` mesh of an object: the object's own, but cut after the first, so that one long name
@@ -160,7 +182,7 @@ fn part_name(name: &str, nth: usize) -> String {
 mod tests {
     use super::*;
 
-    fn triangle(name: &str) -> Model {
+    fn triangle(name: &str) -> Model<Shelf> {
         let mesh = SourceMesh {
             name: name.to_owned(),
             positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
@@ -172,7 +194,7 @@ mod tests {
         let instance =
             |material| Instance { mesh: 0, node: 1, material, world_from_part: DAffine3::IDENTITY };
         Model {
-            meshes: vec![mesh],
+            meshes: Shelf::of(vec![mesh]),
             instances: vec![instance(0), instance(1)],
             nodes: vec![node(None), node(Some(0))],
             materials: vec![Material::default(), material],
@@ -188,7 +210,7 @@ mod tests {
         let parents: Vec<_> = all.nodes.iter().map(|node| node.parent).collect();
         assert_eq!(parents, [None, Some(0), Some(1), None, Some(3), Some(4)]);
         let of_instances: Vec<_> = all.instances.iter().map(|i| (i.mesh, i.node, i.material)).collect();
-        assert_eq!(all.meshes[1].body, 1);
+        assert_eq!(all.meshes.meshes()[1].body, 1);
         assert_eq!(of_instances, [(0, 2, 0), (0, 2, 1), (1, 5, 0), (1, 5, 2)]);
         assert_eq!(all.materials[2].name, "b");
         assert_eq!(all.notes, ["\"first\": odd", "\"second\": odd"]);

@@ -5,11 +5,11 @@ use glam::DAffine3;
 /// An sRGB colour with alpha, 8 bits a channel.
 pub type Colour = [u8; 4];
 
-/// Everything that was read from the input files.
+/// Everything that was read from the input files; its meshes in a list, or on a [`Shelf`](super::Shelf).
 #[derive(Debug, Clone, Default)]
-pub struct Model {
+pub struct Model<Meshes = Vec<SourceMesh>> {
     /// Distinct meshes; each becomes one part (or several cells of one part).
-    pub meshes: Vec<SourceMesh>,
+    pub meshes: Meshes,
     /// Placements of meshes, in file order.
     pub instances: Vec<Instance>,
     /// The assembly tree; a parent always comes before its children.

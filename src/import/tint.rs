@@ -7,20 +7,20 @@
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::attributes::{WHITE, linear_from_srgb, srgb_from_linear};
-use super::{Colour, Material, Model, Problem, SourceMesh, index_of};
+use super::{Colour, Material, Model, Problem, Shelf, index_of};
 
-/// Multiplies vertex colours by base colours.
+/// Has vertex colours multiplied by base colours.
 ///
 /// The default material counts as white: that nothing was said of a surface does not make its vertices grey.
 ///
 /// # Errors
 ///
 /// [`Problem::TooMany`].
-pub(super) fn apply(model: &mut Model) -> Result<(), Problem> {
+pub(super) fn apply(model: &mut Model<Shelf>) -> Result<(), Problem> {
     let mut tints = Tints::default();
     for place in 0..model.instances.len() {
         let (mesh, material) = (model.instances[place].mesh, model.instances[place].material);
-        if !model.meshes[mesh as usize].colours.is_empty() {
+        if model.meshes.meshes()[mesh as usize].is_coloured {
             let instance = &mut model.instances[place];
             instance.mesh = tints.mesh_with(mesh, material, &mut model.meshes)?;
             instance.material = tints.white_like(material, &mut model.materials)?;
@@ -29,7 +29,7 @@ pub(super) fn apply(model: &mut Model) -> Result<(), Problem> {
     for (&(_, material), &mesh) in &tints.meshes {
         if material != 0 {
             let tint = model.materials[material as usize].base_colour;
-            multiply(&mut model.meshes[mesh as usize].colours, tint);
+            model.meshes.meshes_mut()[mesh as usize].tint = Some(tint);
         }
     }
     Ok(())
@@ -46,17 +46,11 @@ struct Tints {
 }
 
 impl Tints {
-    fn mesh_with(&mut self, mesh: u32, material: u32, meshes: &mut Vec<SourceMesh>) -> Result<u32, Problem> {
+    fn mesh_with(&mut self, mesh: u32, material: u32, meshes: &mut Shelf) -> Result<u32, Problem> {
         if let Some(&known) = self.meshes.get(&(mesh, material)) {
             return Ok(known);
         }
-        let own = if self.taken.insert(mesh) {
-            mesh
-        } else {
-            let copy = meshes[mesh as usize].clone();
-            meshes.push(copy);
-            index_of(meshes.len() - 1)?
-        };
+        let own = if self.taken.insert(mesh) { mesh } else { meshes.repeat(mesh)? };
         self.meshes.insert((mesh, material), own);
         Ok(own)
     }
@@ -81,7 +75,7 @@ impl Tints {
 }
 
 /// Multiplies colours in linear light; alpha stays with the material.
-fn multiply(colours: &mut [Colour], tint: Colour) {
+pub(super) fn multiply(colours: &mut [Colour], tint: Colour) {
     if tint[..3] == WHITE[..3] {
         return;
     }
@@ -97,7 +91,7 @@ mod tests {
     use glam::DAffine3;
 
     use super::*;
-    use crate::import::Instance;
+    use crate::import::{Instance, SourceMesh};
 
     #[test]
     fn coloured_meshes_take_the_colours_of_their_materials() {
@@ -106,19 +100,20 @@ mod tests {
         let place =
             |mesh, material| Instance { mesh, node: 0, material, world_from_part: DAffine3::IDENTITY };
         let mut model = Model {
-            meshes: vec![coloured.clone(), SourceMesh::default()],
+            meshes: Shelf::of(vec![coloured.clone(), SourceMesh::default()]),
             materials: vec![Material::default(), material([255, 0, 188, 100]), material([255; 4])],
             instances: vec![place(0, 1), place(1, 1), place(0, 0), place(0, 2), place(0, 1), place(0, 0)],
             ..Model::default()
         };
         apply(&mut model).unwrap();
+        let meshes: Vec<SourceMesh> = (0..3).map(|mesh| model.meshes.give(mesh).unwrap()).collect();
         let seen: Vec<_> = model
             .instances
             .iter()
             .map(|i| {
                 (
                     i.mesh,
-                    model.meshes[i.mesh as usize].colours.clone(),
+                    meshes[i.mesh as usize].colours.clone(),
                     model.materials[i.material as usize].clone(),
                 )
             })

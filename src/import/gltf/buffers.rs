@@ -1,8 +1,6 @@
 //! The buffers that a document names in, their bytes out.
 
-use std::borrow::Cow;
 use std::cell::{Cell, OnceCell};
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use ::gltf::json::{Buffer, Index, Root, buffer::View};
@@ -11,13 +9,13 @@ use rustc_hash::FxHashMap;
 use super::base64;
 use super::compressed::{self, Compressed};
 use super::document::Document;
-use crate::import::input::{Limit, memory_at_hand};
+use crate::import::input::{Bytes, Limit, memory_at_hand};
 use crate::import::notes::quoted;
 use crate::import::{Problem, folder};
 
 /// The bytes of all buffers.
 pub struct Buffers<'a> {
-    contents: Vec<Cow<'a, [u8]>>,
+    contents: Vec<Content<'a>>,
     /// For each buffer its place in `contents` (several may share one file) and its length.
     buffers: Vec<(usize, usize)>,
     compressed: Compressed,
@@ -25,6 +23,23 @@ pub struct Buffers<'a> {
     decoded: Vec<OnceCell<Result<Vec<u8>, String>>>,
     /// How many more bytes may be decoded.
     decoded_left: Cell<u64>,
+}
+
+/// Where the bytes of buffers are.
+enum Content<'a> {
+    OfDocument(&'a [u8]),
+    Own(Bytes),
+}
+
+impl std::ops::Deref for Content<'_> {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        match self {
+            Self::OfDocument(bytes) => bytes,
+            Self::Own(bytes) => bytes,
+        }
+    }
 }
 
 /// Fetches all buffers of a document that was read from `path`: the binary chunk, `data:` URIs, and files in
@@ -36,7 +51,7 @@ pub struct Buffers<'a> {
 /// holds less than the document says.
 pub fn load<'a>(document: &Document<'a>, path: &Path) -> Result<Buffers<'a>, Problem> {
     let mut buffers = Buffers {
-        contents: vec![Cow::Borrowed(document.blob.unwrap_or_default())],
+        contents: vec![Content::OfDocument(document.blob.unwrap_or_default())],
         buffers: Vec::new(),
         compressed: Compressed::of(document)?,
         decoded: vec![OnceCell::new(); document.root.buffer_views.len()],
@@ -82,16 +97,25 @@ impl Buffers<'_> {
             let bytes = decoded.ok_or_else(|| {
                 Problem::Malformed(format!("the data of a buffer is not base64: {}", quoted(uri)))
             })?;
-            self.contents.push(Cow::Owned(bytes));
+            self.contents.push(Content::Own(Bytes::Held(bytes)));
             return Ok(self.contents.len() - 1);
         }
         let file = folder::resolve(from, uri).or_else(|_| folder::resolve(from, &percent_decoded(uri)))?;
         if let Some(&place) = files.get(&file) {
             return Ok(place);
         }
-        self.contents.push(Cow::Owned(fs::read(&file)?));
+        self.contents.push(Content::Own(Bytes::mapped(&file)?));
         files.insert(file, self.contents.len() - 1);
         Ok(self.contents.len() - 1)
+    }
+
+    /// Gives back the memory of what was read of files beside the document.
+    pub fn release(&self) {
+        for content in &self.contents {
+            if let Content::Own(bytes) = content {
+                bytes.release();
+            }
+        }
     }
 
     /// How many bytes there are in all, and elements of compressed views.

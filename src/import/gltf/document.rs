@@ -68,6 +68,14 @@ pub fn parse(bytes: &[u8]) -> Result<Document<'_>, Problem> {
     }
 }
 
+/// How long the JSON of a file says that it is, at most as long as the file.
+pub fn text_bytes(bytes: &[u8]) -> u64 {
+    let word =
+        |at: usize| bytes.get(at..).and_then(<[u8]>::first_chunk).map(|word| u32::from_le_bytes(*word));
+    let declared = word(12).filter(|_| bytes.starts_with(b"glTF")).map_or(u64::MAX, u64::from);
+    declared.min(bytes.len() as u64)
+}
+
 /// The JSON and the binary chunk of a GLB.
 fn split_glb(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Problem> {
     let malformed = |what: String| Problem::Malformed(format!("the GLB container is malformed ({what})"));

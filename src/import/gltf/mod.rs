@@ -24,10 +24,16 @@ use rustc_hash::FxHashMap;
 
 use super::input::Input;
 use super::notes::{Notes, quoted};
-use super::{Instance, Material, Model, Problem, check_instance_count, index_of, part_name};
+use super::{Instance, Material, Model, Problem, Shelf, check_instance_count, index_of, part_name};
 use buffers::Buffers;
 use geometry::{Geometry, GeometryKey};
 use nodes::Placed;
+
+/// Bytes of memory that tables take for each byte of the text that they come from.
+const TEXT_FACTOR: u64 = 10;
+
+/// After so many bytes of meshes the memory of the pages that they were read from is given back.
+const BYTES_TO_RELEASE: u64 = 32 << 20;
 
 /// Reads one glTF or GLB file and the buffers beside it.
 ///
@@ -36,13 +42,19 @@ use nodes::Placed;
 /// [`Problem`] for a container, JSON, buffer or accessor that does not hold together, a node tree that is
 /// none, or a required extension that is not supported. Primitives that are no triangles, triangles with bad
 /// corners, and placements that are not finite are skipped and noted.
-pub(super) fn read(input: &Input<'_>) -> Result<Model, Problem> {
-    let bytes = input.read_all()?;
+pub(super) fn read(input: &Input<'_>, shelf: Shelf) -> Result<Model<Shelf>, Problem> {
+    let bytes = input.bytes()?;
+    let need = || Ok(bytes.held() + document::text_bytes(&bytes) * TEXT_FACTOR);
+    shelf.room().check(need, "the text of this glTF and its tables take")?;
     let document = document::parse(&bytes)?;
     let buffers = buffers::load(&document, input.path)?;
     let placed = nodes::walk(&document.root)?;
     let materials = materials::read(&document);
-    Importer::new(&document.root, &buffers, materials).import(placed)
+    let release = || {
+        bytes.release();
+        buffers.release();
+    };
+    Importer::new(&document.root, &buffers, materials, shelf).import(placed, &release)
 }
 
 struct Importer<'a> {
@@ -50,25 +62,30 @@ struct Importer<'a> {
     geometry: Geometry<'a>,
     /// Meshes by what they are made of; `None` where nothing could be made of it.
     meshes: FxHashMap<GeometryKey, Option<u32>>,
-    model: Model,
+    model: Model<Shelf>,
     notes: Notes,
 }
 
 impl<'a> Importer<'a> {
-    fn new(root: &'a Root, buffers: &'a Buffers<'a>, materials: Vec<Material>) -> Self {
+    fn new(root: &'a Root, buffers: &'a Buffers<'a>, materials: Vec<Material>, meshes: Shelf) -> Self {
         Self {
             root,
             geometry: Geometry::new(root, buffers),
             meshes: FxHashMap::default(),
-            model: Model { materials, ..Model::default() },
+            model: Model { meshes, materials, ..Model::default() },
             notes: Notes::default(),
         }
     }
 
-    /// Places the primitives of every node's mesh.
-    fn import(mut self, placed: Vec<Placed>) -> Result<Model, Problem> {
+    /// Places the primitives of every node's mesh; `release` is called now and then.
+    fn import(mut self, placed: Vec<Placed>, release: &dyn Fn()) -> Result<Model<Shelf>, Problem> {
+        let mut read = 0;
         for (number, node) in placed.into_iter().enumerate() {
             self.place_mesh(number as u32, &node)?;
+            if self.model.meshes.bytes() - read > BYTES_TO_RELEASE {
+                read = self.model.meshes.bytes();
+                release();
+            }
             self.model.nodes.push(node.node);
         }
         self.geometry.take_notes(&mut self.notes);
@@ -97,12 +114,14 @@ impl<'a> Importer<'a> {
         for (nth, primitive) in mesh.primitives.iter().enumerate() {
             let Some(mesh) = self.mesh_of(primitive, part, nth)? else { continue };
             // A mesh that shares some of its geometry with an earlier one is of that one's body.
-            body = self.model.meshes[..new].get(mesh as usize).map_or(body, |known| body.min(known.body));
+            body = self.model.meshes.meshes()[..new]
+                .get(mesh as usize)
+                .map_or(body, |known| body.min(known.body));
             let material = self.material_of(primitive, part);
             let instance = Instance { mesh, node: number, material, world_from_part: placed.world };
             self.model.instances.push(instance);
         }
-        self.model.meshes[new..].iter_mut().for_each(|mesh| mesh.body = body);
+        self.model.meshes.meshes_mut()[new..].iter_mut().for_each(|mesh| mesh.body = body);
         Ok(())
     }
 
@@ -116,8 +135,7 @@ impl<'a> Importer<'a> {
         let index = match mesh {
             Some(mut mesh) => {
                 mesh.name = part_name(name, nth);
-                self.model.meshes.push(mesh);
-                Some(index_of(self.model.meshes.len() - 1)?)
+                Some(self.model.meshes.push(mesh)?)
             }
             None => None,
         };

@@ -13,9 +13,12 @@ use rustc_hash::FxHashMap;
 
 use super::input::{Input, stem_of};
 use super::notes::{Notes, quoted};
-use super::{Instance, Model, Node, Problem, SourceMesh, index_of, part_name};
+use super::{Instance, Model, Node, Problem, Shelf, SourceMesh, index_of, part_name};
 use materials::Materials;
 use normalise::{Chunk, Names, Normaliser};
+
+/// Bytes of memory that reading takes for each byte of the text.
+const TEXT_FACTOR: u64 = 3;
 
 /// Reads one OBJ file and the material libraries beside it.
 ///
@@ -23,7 +26,8 @@ use normalise::{Chunk, Names, Normaliser};
 ///
 /// [`Problem::Line`] for a vertex that is no three numbers, [`Problem::Read`] if the file cannot be read. Bad
 /// faces are skipped and noted.
-pub(super) fn read(input: &Input<'_>) -> Result<Model, Problem> {
+pub(super) fn read(input: &Input<'_>, shelf: Shelf) -> Result<Model<Shelf>, Problem> {
+    shelf.room().check(|| Ok(input.length()? * TEXT_FACTOR), "reading OBJ text takes")?;
     let coloured = normalise::has_vertex_colours(input.open()?)?;
     let mut text = Normaliser::new(input.open()?, coloured);
     let options = tobj::LoadOptions::default();
@@ -35,7 +39,7 @@ pub(super) fn read(input: &Input<'_>) -> Result<Model, Problem> {
 
     let mut notes = parsed.notes;
     let materials = materials::read(input.path, &parsed.libraries, &mut notes);
-    let mut assembly = Assembly::new(materials, &parsed.names, stem_of(input.path));
+    let mut assembly = Assembly::new(materials, &parsed.names, stem_of(input.path), shelf);
     for (chunk, meshes) in parsed.chunks.iter().zip(by_chunk(models, parsed.chunks.len())) {
         let mesh = mesh::build(&meshes, &mut notes);
         if !mesh.triangles.is_empty() {
@@ -61,7 +65,7 @@ fn by_chunk(models: Vec<tobj::Model>, chunk_count: usize) -> Vec<Vec<tobj::Mesh>
 
 /// The model while it grows.
 struct Assembly<'a> {
-    model: Model,
+    model: Model<Shelf>,
     materials: FxHashMap<String, u32>,
     names: &'a Names,
     stem: String,
@@ -79,8 +83,8 @@ struct Placed {
 }
 
 impl<'a> Assembly<'a> {
-    fn new(materials: Materials, names: &'a Names, stem: String) -> Self {
-        let model = Model { materials: materials.list, ..Model::default() };
+    fn new(materials: Materials, names: &'a Names, stem: String, meshes: Shelf) -> Self {
+        let model = Model { meshes, materials: materials.list, ..Model::default() };
         Self { model, materials: materials.by_name, names, stem, nodes: FxHashMap::default() }
     }
 
@@ -95,7 +99,7 @@ impl<'a> Assembly<'a> {
         let body = mesh.body;
         let instance =
             Instance { mesh: number, node: placed.node, material, world_from_part: DAffine3::IDENTITY };
-        self.model.meshes.push(mesh);
+        self.model.meshes.push(mesh)?;
         self.model.instances.push(instance);
         self.nodes.insert((chunk.object, chunk.group), Placed { parts: placed.parts + 1, body, ..placed });
         Ok(())

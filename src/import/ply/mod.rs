@@ -12,7 +12,7 @@ use super::attributes::{WHITE, channel, is_usable, unit};
 use super::input::{Input, stem_of};
 use super::notes::Notes;
 use super::polygon::Triangulator;
-use super::{Colour, Model, Problem, SourceMesh, model_of_one};
+use super::{Colour, Model, Problem, Shelf, SourceMesh, model_of_one};
 use header::{Element, Layout, Property, Scalar};
 use numbers::Numbers;
 
@@ -22,7 +22,7 @@ use numbers::Numbers;
 ///
 /// [`Problem`] for a header that makes no sense, or data that end before all that it promises. Faces with missing
 /// vertices and broken positions are skipped and noted.
-pub(super) fn read(input: &Input<'_>) -> Result<Model, Problem> {
+pub(super) fn read(input: &Input<'_>, shelf: Shelf) -> Result<Model<Shelf>, Problem> {
     let mut bytes = input.open()?;
     let layout = header::read(&mut *bytes)?;
     check_elements(&layout)?;
@@ -33,7 +33,7 @@ pub(super) fn read(input: &Input<'_>) -> Result<Model, Problem> {
         builder.read_element(element, &mut numbers)?;
     }
     let (mesh, notes) = builder.finish();
-    Ok(model_of_one(mesh, stem_of(input.path), notes))
+    model_of_one(mesh, stem_of(input.path), notes, shelf)
 }
 
 fn is_surface(name: &str) -> bool {

@@ -16,7 +16,7 @@ use rustc_hash::FxHashMap;
 use super::attributes::is_usable;
 use super::input::{Input, stem_of};
 use super::notes::Notes;
-use super::{Model, Problem, SourceMesh, model_of_one};
+use super::{Model, Problem, Shelf, SourceMesh, model_of_one};
 
 /// The bytes before the first triangle of a binary file: 80 of any content, and the count.
 const HEADER_BYTES: u64 = 84;
@@ -30,7 +30,7 @@ const TRIANGLE_BYTES: u64 = 50;
 ///
 /// [`Problem::Malformed`] for binary data that end before all that their header promises. Facets with bad corners are
 /// skipped and noted.
-pub(super) fn read(input: &Input<'_>) -> Result<Model, Problem> {
+pub(super) fn read(input: &Input<'_>, shelf: Shelf) -> Result<Model<Shelf>, Problem> {
     let mut head = Vec::new();
     input.open()?.take(HEADER_BYTES).read_to_end(&mut head)?;
     let length = input.length()?;
@@ -40,7 +40,7 @@ pub(super) fn read(input: &Input<'_>) -> Result<Model, Problem> {
         .map(|count| u32::from_le_bytes(*count));
     let is_exact = promised.is_some_and(|count| length == bytes_of(count));
     if !is_exact && text::is_text(&head) {
-        return text::read(&mut *input.open()?, &stem_of(input.path));
+        return text::read(&mut *input.open()?, &stem_of(input.path), shelf);
     }
     let Some(count) = promised else {
         let what = "this is neither text that begins with \"solid\" nor long enough for a binary header";
@@ -49,7 +49,7 @@ pub(super) fn read(input: &Input<'_>) -> Result<Model, Problem> {
     let mut notes = Notes::default();
     check_length(count, length, &mut notes)?;
     let mesh = read_binary(&mut *input.open()?, count, &mut notes)?;
-    Ok(model_of_one(mesh, stem_of(input.path), notes))
+    model_of_one(mesh, stem_of(input.path), notes, shelf)
 }
 
 fn bytes_of(count: u32) -> u64 {

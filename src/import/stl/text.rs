@@ -7,7 +7,7 @@ use glam::DAffine3;
 use super::Merger;
 use crate::import::input::read_line;
 use crate::import::notes::{Notes, quoted};
-use crate::import::{Instance, Material, Model, Node, Problem, SourceMesh, index_of};
+use crate::import::{Instance, Material, Model, Node, Problem, Shelf, SourceMesh, index_of};
 
 /// Whether a file that begins like this is text: it has words of STL, and no byte that is no text.
 pub fn is_text(head: &[u8]) -> bool {
@@ -23,7 +23,7 @@ pub fn is_text(head: &[u8]) -> bool {
 /// # Errors
 ///
 /// Those of `input`. Facets that are not three vertices of three numbers are skipped and noted.
-pub fn read(input: &mut dyn BufRead, stem: &str) -> Result<Model, Problem> {
+pub fn read(input: &mut dyn BufRead, stem: &str, shelf: Shelf) -> Result<Model<Shelf>, Problem> {
     let mut reader = Reader::default();
     let mut line = Vec::new();
     while read_line(input, &mut line)? {
@@ -32,7 +32,7 @@ pub fn read(input: &mut dyn BufRead, stem: &str) -> Result<Model, Problem> {
         line.clear();
     }
     reader.end_solid();
-    reader.into_model(stem)
+    reader.into_model(stem, shelf)
 }
 
 #[derive(Default)]
@@ -119,14 +119,15 @@ impl Reader {
         }
     }
 
-    fn into_model(self, stem: &str) -> Result<Model, Problem> {
-        let mut model = Model { materials: vec![Material::default()], ..Model::default() };
+    fn into_model(self, stem: &str, shelf: Shelf) -> Result<Model<Shelf>, Problem> {
+        let materials = vec![Material::default()];
+        let mut model = Model { meshes: shelf, materials, ..Model::default() };
         for (name, mut mesh) in self.solids {
             let number = index_of(model.meshes.len())?;
             mesh.name = if name.is_empty() { stem.to_owned() } else { name };
             mesh.body = number;
             model.nodes.push(Node { name: mesh.name.clone(), parent: None });
-            model.meshes.push(mesh);
+            model.meshes.push(mesh)?;
             let world_from_part = DAffine3::IDENTITY;
             model.instances.push(Instance { mesh: number, node: number, material: 0, world_from_part });
         }

@@ -106,7 +106,7 @@ mod tests {
             ..Model::default()
         };
         apply(&mut model).unwrap();
-        let meshes: Vec<SourceMesh> = (0..3).map(|mesh| model.meshes.give(mesh).unwrap()).collect();
+        let meshes: Vec<SourceMesh> = (0..4).map(|mesh| model.meshes.give(mesh).unwrap()).collect();
         let seen: Vec<_> = model
             .instances
             .iter()

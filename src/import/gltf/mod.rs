@@ -30,7 +30,7 @@ use geometry::{Geometry, GeometryKey};
 use nodes::Placed;
 
 /// Bytes of memory that tables take for each byte of the text that they come from.
-const TEXT_FACTOR: u64 = 10;
+const TEXT_FACTOR: u64 = 6;
 
 /// After so many bytes of meshes the memory of the pages that they were read from is given back.
 const BYTES_TO_RELEASE: u64 = 32 << 20;

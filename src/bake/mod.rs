@@ -18,6 +18,7 @@ pub mod source;
 mod work;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::Instant;
 
@@ -27,7 +28,7 @@ use crate::container::{self, ContainerError, Form, Rows, Watch as WriteWatch, Wr
 use crate::geometry::body::{BodyOutcome, OrderOptions, order_body};
 use crate::geometry::cell_tree::Watch;
 use crate::geometry::normals::{CREASE_DEGREES, by_crease_angle};
-use crate::import::{self, ImportError, Room, SourceMesh};
+use crate::import::{self, ImportError, Problem, Room, SourceMesh};
 use crate::whole_file::folder_of;
 
 pub use bodies::{Body, MaterialRuns, Placement, bodies, merged};
@@ -182,7 +183,7 @@ pub struct BakeProgress {
     /// Bytes of it that have been written.
     pub bytes_written: AtomicU64,
     /// Set by the user's side to stop the bake at the next part or cell.
-    pub cancelled: AtomicBool,
+    pub cancelled: Arc<AtomicBool>,
 }
 
 impl Watch for BakeProgress {
@@ -214,7 +215,12 @@ pub fn bake(
 ) -> Result<BakeReport, BakeError> {
     let started = Instant::now();
     container::check_destination(output)?;
-    let source = Loaded::shelved(import::read_into(inputs, &room_for_input(output, options))?, inputs);
+    let room = room_for_input(output, options, &progress.cancelled);
+    let model = import::read_into(inputs, &room).map_err(|error| match error {
+        ImportError::File { problem: Problem::Interrupted, .. } => BakeError::Interrupted,
+        other => other.into(),
+    })?;
+    let source = Loaded::shelved(model, inputs);
     let import_seconds = started.elapsed().as_secs_f64();
     progress.check()?;
     let mut report = bake_source(&source, output, options, progress).map_err(|error| match error {
@@ -283,9 +289,10 @@ fn stopped(error: BakeError, work: Work, total: usize) -> BakeError {
 const INPUT_SHARE: u64 = 4;
 
 /// Where what was read is kept until it is ordered.
-fn room_for_input(output: &Path, options: &BakeOptions) -> Room {
+fn room_for_input(output: &Path, options: &BakeOptions, cancelled: &Arc<AtomicBool>) -> Room {
     let memory_bytes = options.memory_bytes.unwrap_or_else(import::memory_at_hand);
-    Room::new(memory_bytes / INPUT_SHARE, options.memory_bytes, folder_of(output))
+    let room = Room::new(memory_bytes / INPUT_SHARE, options.memory_bytes, folder_of(output));
+    room.stopped_by(Arc::clone(cancelled))
 }
 
 /// What the bake of one triangle takes, in bytes: the mesh, what orders it, and the result, all at their largest.

@@ -66,6 +66,9 @@ pub enum Problem {
         /// Why it cannot be followed.
         why: String,
     },
+    /// Whoever asked for the model no longer wants it.
+    #[error("interrupted")]
+    Interrupted,
     /// What does not fit the memory cannot be kept on disk.
     #[error(
         "cannot put a mesh away on the disk of the output, or read it back ({0}): make room there, or allow more memory"

@@ -7,6 +7,8 @@
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::Problem;
 use crate::scene::mapped::{MapError, MappedFile};
@@ -40,6 +42,8 @@ pub(super) struct Input<'a> {
     /// Where it is.
     pub path: &'a Path,
     packing: Option<Packing>,
+    /// Ends reading once it is set.
+    stop: &'a Arc<AtomicBool>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -88,13 +92,13 @@ impl<'a> Input<'a> {
     /// # Errors
     ///
     /// [`Problem::Read`], [`Problem::NotAFile`] or [`Problem::Empty`].
-    pub fn new(path: &'a Path) -> Result<Self, Problem> {
+    pub fn new(path: &'a Path, stop: &'a Arc<AtomicBool>) -> Result<Self, Problem> {
         let metadata = fs::metadata(path).map_err(Problem::Read)?;
         if !metadata.is_file() {
             return Err(Problem::NotAFile);
         }
         let packing = parts_of(path).1;
-        if metadata.len() == 0 { Err(Problem::Empty) } else { Ok(Self { path, packing }) }
+        if metadata.len() == 0 { Err(Problem::Empty) } else { Ok(Self { path, packing, stop }) }
     }
 
     /// The unpacked bytes from the beginning. Their errors become the right [`Problem`] by its `From`.
@@ -105,7 +109,7 @@ impl<'a> Input<'a> {
     pub fn open(&self) -> Result<Box<dyn BufRead>, Problem> {
         let file = File::open(self.path)?;
         let packed_bytes = file.metadata()?.len();
-        let file = BufReader::with_capacity(BUFFER_BYTES, file);
+        let file = BufReader::with_capacity(BUFFER_BYTES, Stoppable { file, stop: Arc::clone(self.stop) });
         let Some(packing) = self.packing else { return Ok(Box::new(file)) };
         let decoder: Box<dyn Read> = match packing {
             Packing::Zstd => {
@@ -221,6 +225,21 @@ impl Limit {
     }
 }
 
+/// A file that ends in [`Problem::Interrupted`] once the flag is set.
+struct Stoppable {
+    file: File,
+    stop: Arc<AtomicBool>,
+}
+
+impl Read for Stoppable {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        if self.stop.load(Ordering::Relaxed) {
+            return Err(io::Error::other(Problem::Interrupted));
+        }
+        self.file.read(buffer)
+    }
+}
+
 /// Bytes as they are unpacked, up to the limit.
 struct Unpacked<R> {
     decoder: R,
@@ -232,7 +251,8 @@ struct Unpacked<R> {
 impl<R: Read> Read for Unpacked<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let read = self.decoder.read(buffer).map_err(|error| {
-            if error.kind() == io::ErrorKind::Interrupted {
+            let is_our_own = error.get_ref().is_some_and(|inner| inner.is::<Problem>());
+            if is_our_own || error.kind() == io::ErrorKind::Interrupted {
                 return error;
             }
             let what = format!("the {} data are damaged, cut short or none ({error})", self.packing.word());

@@ -99,7 +99,7 @@ fn known_extensions() -> String {
 /// Reads one file, after the checks that all formats share.
 fn read_one(path: &Path, importer: Importer, room: &Room) -> Result<Model<Shelf>, ImportError> {
     let read = |input| importer(&input, Shelf::new(room));
-    Input::new(path).and_then(read).map_err(|problem| problem.at(path))
+    Input::new(path, room.stop()).and_then(read).map_err(|problem| problem.at(path))
 }
 
 /// Reads every file under a root node of its own.

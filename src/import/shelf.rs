@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use parking_lot::Mutex;
 use xxhash_rust::xxh3::Xxh3;
@@ -15,7 +15,10 @@ use super::{Colour, Problem, SourceMesh, index_of};
 
 /// Where the meshes of a model are kept, from however many files it is read.
 #[derive(Debug, Clone)]
-pub struct Room(Arc<Walls>);
+pub struct Room {
+    walls: Arc<Walls>,
+    stop: Arc<AtomicBool>,
+}
 
 #[derive(Debug)]
 struct Walls {
@@ -39,7 +42,18 @@ impl Room {
     /// without may take `cap_bytes` of memory.
     pub fn new(bytes: u64, cap_bytes: Option<u64>, folder: &Path) -> Self {
         let free = AtomicU64::new(bytes);
-        Self(Arc::new(Walls { free, cap_bytes, folder: folder.to_owned(), file: Mutex::default() }))
+        let walls = Walls { free, cap_bytes, folder: folder.to_owned(), file: Mutex::default() };
+        Self { walls: Arc::new(walls), stop: Arc::default() }
+    }
+
+    /// The same room, with a flag that ends reading once it is set.
+    pub fn stopped_by(self, stop: Arc<AtomicBool>) -> Self {
+        Self { stop, ..self }
+    }
+
+    /// The flag that ends reading once it is set.
+    pub(super) fn stop(&self) -> &Arc<AtomicBool> {
+        &self.stop
     }
 
     /// That something which must be in memory while a file is read is within the cap.
@@ -51,7 +65,7 @@ impl Room {
         need_bytes: impl FnOnce() -> Result<u64, Problem>,
         what: &'static str,
     ) -> Result<(), Problem> {
-        let Some(cap_bytes) = self.0.cap_bytes else { return Ok(()) };
+        let Some(cap_bytes) = self.walls.cap_bytes else { return Ok(()) };
         let need_bytes = need_bytes()?;
         let fits = need_bytes <= cap_bytes;
         fits.then_some(()).ok_or(Problem::TooLittleMemory { cap_bytes, need_bytes, what })
@@ -59,17 +73,17 @@ impl Room {
 
     fn keep(&self, mesh: SourceMesh) -> Result<Place, Problem> {
         let taken = |free: u64| free.checked_sub(bytes_of(&mesh));
-        match self.0.free.fetch_update(Ordering::Relaxed, Ordering::Relaxed, taken) {
+        match self.walls.free.fetch_update(Ordering::Relaxed, Ordering::Relaxed, taken) {
             Ok(_) => Ok(Place::Held(Arc::new(mesh))),
             Err(_) => self.put_away(&mesh).map(Place::Away).map_err(Problem::Shelve),
         }
     }
 
     fn put_away(&self, mesh: &SourceMesh) -> io::Result<Region> {
-        let mut made = self.0.file.lock();
+        let mut made = self.walls.file.lock();
         let shared = match &*made {
             Some(file) => Arc::clone(file),
-            None => Arc::new(Mutex::new(tempfile::tempfile_in(&self.0.folder)?)),
+            None => Arc::new(Mutex::new(tempfile::tempfile_in(&self.walls.folder)?)),
         };
         *made = Some(Arc::clone(&shared));
         let mut bytes = Vec::with_capacity(bytes_of(mesh) as usize);
@@ -227,8 +241,11 @@ impl Shelf {
     /// Puts a mesh behind the others; gives its number.
     ///
     /// # Errors
-    /// [`Problem::TooMany`], and [`Problem::Shelve`] if the disk refuses it.
+    /// [`Problem::TooMany`], [`Problem::Interrupted`], and [`Problem::Shelve`] if the disk refuses it.
     pub(super) fn push(&mut self, mut mesh: SourceMesh) -> Result<u32, Problem> {
+        if self.room.stop.load(Ordering::Relaxed) {
+            return Err(Problem::Interrupted);
+        }
         let number = index_of(self.meshes.len())?;
         let shelved = Shelved::of(&mut mesh);
         self.bytes += bytes_of(&mesh);
@@ -328,6 +345,23 @@ mod tests {
             shelf.meshes_mut()[again].tint = Some([255, 0, 255, 255]);
             assert_eq!(shelf.give(0).unwrap(), mesh("a", 3));
             assert_eq!(shelf.give(again).unwrap().colours, [[200, 0, 50, 255]; 3]);
+        }
+    }
+
+    #[test]
+    fn nothing_is_read_once_the_flag_is_set() {
+        let stop = Arc::new(AtomicBool::new(false));
+        let room = Room::default().stopped_by(Arc::clone(&stop));
+        let mut shelf = Shelf::new(&room);
+        shelf.push(mesh("a", 3)).unwrap();
+        stop.store(true, Ordering::Relaxed);
+        assert!(matches!(shelf.push(mesh("b", 3)), Err(Problem::Interrupted)));
+        for packed in ["a.ply", "a.ply.gz", "a.ply.zst"] {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join(packed);
+            std::fs::write(&path, [0x1f, 0x8b, 8, 0]).unwrap();
+            let error = crate::import::read_into(&[path], &room).unwrap_err().to_string();
+            assert!(error.starts_with("interrupted: "), "{packed}: {error}");
         }
     }
 

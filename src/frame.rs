@@ -16,6 +16,7 @@ mod caps;
 pub mod colour_by;
 mod content;
 mod mirror;
+mod places;
 mod plan;
 mod rebuild;
 mod settings;

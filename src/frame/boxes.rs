@@ -1,6 +1,7 @@
 //! Instances of which nothing has arrived in, the boxes that stand in for them out.
 
-use super::{FrameError, Renderer};
+use super::places::{Places, runs};
+use super::{FrameError, PassesOn, Renderer};
 use crate::geometry::Grid;
 use crate::geometry::record::Attributes;
 use crate::gpu::{Gpu, GpuError};
@@ -8,18 +9,21 @@ use crate::passes::draw::{DrawPass, InstanceRow, Look, LookRow};
 use crate::scene::Scene;
 use glam::{DAffine3, DMat3, DVec3};
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// A box that would be larger in the picture is not drawn: it would hide what is there already.
 const LARGEST_PX: f64 = 96.0;
 /// No more boxes than these are drawn: 16 MiB of rows.
 const MOST: usize = 1 << 18;
+/// Rows between two that are new are sent along if there are no more than these: each piece costs a copy of its own.
+const GAP: u32 = 8;
 
 /// The rows of all boxes, on the GPU.
 pub(super) struct Boxes {
     rows: wgpu::Buffer,
     looks: wgpu::Buffer,
     group: wgpu::BindGroup,
-    drawn: Vec<u32>,
+    places: Places,
 }
 
 impl Boxes {
@@ -27,53 +31,79 @@ impl Boxes {
         let rows = gpu.storage("box rows", size_of::<InstanceRow>() as u64)?;
         let looks = gpu.storage("box looks", size_of::<LookRow>() as u64)?;
         let group = draw.bind_instances(&gpu.device, &rows, &looks);
-        Ok(Self { group, rows, looks, drawn: Vec::new() })
+        Ok(Self { group, rows, looks, places: Places::default() })
     }
 
     /// What the draw pass needs, if there are any.
     pub fn drawn(&self) -> Option<(&wgpu::BindGroup, u32)> {
-        (!self.drawn.is_empty()).then_some((&self.group, self.drawn.len() as u32))
+        (self.count() > 0).then_some((&self.group, self.count() as u32))
     }
 
     pub fn count(&self) -> u64 {
-        self.drawn.len() as u64
+        self.places.instances().len() as u64
     }
 
     pub fn size_bytes(&self) -> u64 {
         self.rows.size() + self.looks.size()
     }
 
-    /// Takes other instances; returns the bytes sent, none if they are the same as before.
+    /// Takes other instances (ascending); returns the bytes to send, those of rows that are new. Without `gpu` nothing is
+    /// sent.
     pub fn set(
         &mut self,
-        gpu: &Gpu,
+        gpu: Option<&Gpu>,
         draw: &DrawPass,
         (scene, looks): (&Scene, &[Look]),
-        instances: Vec<u32>,
+        instances: &[u32],
     ) -> Result<u64, GpuError> {
-        if instances == self.drawn {
-            return Ok(0);
+        let mut written = self.places.set(instances);
+        if let Some(gpu) = gpu.filter(|_| bytes_of(instances.len()) > self.rows.size()) {
+            self.grow(gpu, draw, instances.len())?;
+            written = (0..instances.len() as u32).collect();
         }
-        let rows: Vec<InstanceRow> = instances.par_iter().map(|&instance| box_row(scene, instance)).collect();
-        let bytes = size_of_val(rows.as_slice()) as u64;
-        if bytes > self.rows.size() {
-            self.rows = gpu.storage("box rows", bytes + bytes / 4)?;
-            let share = (size_of::<InstanceRow>() / size_of::<LookRow>()) as u64;
-            self.looks = gpu.storage("box looks", self.rows.size() / share)?;
-            self.group = draw.bind_instances(&gpu.device, &self.rows, &self.looks);
+        let runs = runs(&written, GAP);
+        if let Some(gpu) = gpu {
+            runs.iter().for_each(|run| self.write(gpu, scene, looks, run.clone()));
         }
-        gpu.queue.write_buffer(&self.rows, 0, bytemuck::cast_slice(&rows));
-        self.drawn = instances;
-        Ok(bytes + self.write_looks(gpu, looks))
+        let rows: usize = runs.iter().map(ExactSizeIterator::len).sum();
+        Ok(bytes_of(rows) + (rows * size_of::<LookRow>()) as u64)
     }
 
-    /// Sends how the boxes look, given all looks of the scene; returns the bytes.
-    pub fn write_looks(&self, gpu: &Gpu, looks: &[Look]) -> u64 {
-        let row = |&number: &u32| LookRow { number, look: looks[number as usize] };
-        let rows: Vec<LookRow> = self.drawn.iter().map(row).collect();
-        gpu.queue.write_buffer(&self.looks, 0, bytemuck::cast_slice(&rows));
-        size_of_val(rows.as_slice()) as u64
+    fn grow(&mut self, gpu: &Gpu, draw: &DrawPass, rows: usize) -> Result<(), GpuError> {
+        let bytes = bytes_of(rows);
+        self.rows = gpu.storage("box rows", bytes + bytes / 4)?;
+        let share = (size_of::<InstanceRow>() / size_of::<LookRow>()) as u64;
+        self.looks = gpu.storage("box looks", self.rows.size() / share)?;
+        self.group = draw.bind_instances(&gpu.device, &self.rows, &self.looks);
+        Ok(())
     }
+
+    fn write(&self, gpu: &Gpu, scene: &Scene, looks: &[Look], run: Range<usize>) {
+        let instances = &self.places.instances()[run.clone()];
+        let rows: Vec<InstanceRow> = instances.par_iter().map(|&instance| box_row(scene, instance)).collect();
+        gpu.queue.write_buffer(&self.rows, bytes_of(run.start), bytemuck::cast_slice(&rows));
+        self.write_looks_of(gpu, looks, run);
+    }
+
+    fn write_looks_of(&self, gpu: &Gpu, looks: &[Look], run: Range<usize>) {
+        let row = |&number: &u32| LookRow { number, look: looks[number as usize] };
+        let rows: Vec<LookRow> = self.places.instances()[run.clone()].iter().map(row).collect();
+        let at = run.start * size_of::<LookRow>();
+        gpu.queue.write_buffer(&self.looks, at as u64, bytemuck::cast_slice(&rows));
+    }
+
+    /// Sends how the boxes look, given all looks of the scene; returns the bytes. Without `gpu` nothing is sent.
+    pub fn write_looks(&self, gpu: Option<&Gpu>, looks: &[Look]) -> u64 {
+        let count = self.places.instances().len();
+        if let Some(gpu) = gpu {
+            self.write_looks_of(gpu, looks, 0..count);
+        }
+        (count * size_of::<LookRow>()) as u64
+    }
+}
+
+fn bytes_of(rows: usize) -> u64 {
+    (rows * size_of::<InstanceRow>()) as u64
 }
 
 /// The unit cube, placed where the box of an instance's part is, in the instance's colour.
@@ -95,8 +125,9 @@ impl Renderer {
                 && self.residency.vertices_arrived(part) == 0
                 && !self.parent_is_drawn(instance)
         });
-        let instances = small.map(|(&instance, _)| instance).take(MOST).collect();
-        Ok(self.boxes.set(&self.gpu, &self.draw, (&self.scene, self.looks.all()), instances)?)
+        let instances: Vec<u32> = small.map(|(&instance, _)| instance).take(MOST).collect();
+        let gpu = (self.settings.passes != PassesOn::Nowhere).then_some(&*self.gpu);
+        Ok(self.boxes.set(gpu, &self.draw, (&self.scene, self.looks.all()), &instances)?)
     }
 
     /// Whether a parent cell stands in for an instance.

@@ -64,6 +64,8 @@ impl Renderer {
         self.bytes_of_view += self.send_uniform(camera);
         record.bytes_tables += self.bytes_of_view;
         if self.settings.passes == PassesOn::Nowhere {
+            // What was written waits for a submission, in memory.
+            self.gpu.submit(self.gpu.encoder("count"))?;
             return Ok(());
         }
         let asked = self.asked();
@@ -98,8 +100,9 @@ impl Renderer {
             return 0;
         }
         let looks = &self.looks.all;
+        let gpu = (self.settings.passes != PassesOn::Nowhere).then_some(&*self.gpu);
         self.batches.iter().map(|batch| batch.write_looks(&self.gpu, looks)).sum::<u64>()
-            + self.boxes.write_looks(&self.gpu, looks)
+            + self.boxes.write_looks(gpu, looks)
     }
 
     fn send_uniform(&mut self, camera: &Camera) -> u64 {

@@ -99,6 +99,31 @@ fn a_camera_at_rest_sees_detail_come_in_until_all_is_there() {
     assert_eq!(moved, 0, "it moves bytes after frame {done}, when everything is there");
 }
 
+#[test]
+fn boxes_are_sent_once_and_counted_without_being_sent() {
+    if !has_gpu("cli::live::boxes_are_sent_once_and_counted_without_being_sent") {
+        return;
+    }
+    let place = place();
+    let slow = ["--path", "still", "--read-rate", "200kB", "--live"];
+    for (folder, more) in [("sent", &[][..]), ("counted", &["--count-only"])] {
+        let (_, live) = fly(&place, folder, "30", &[&slow as &[&str], more].concat());
+        let first = live[0].boxes;
+        let boxes = live.windows(2).map(|pair| pair[0].boxes.abs_diff(pair[1].boxes)).sum::<u64>() + first;
+        assert!(first > 100, "{folder}: {first} boxes at first");
+        // 72 bytes a box, and 76 a placement whose buffers are laid out anew; boxes of all frames would be far more.
+        let tables: u64 = live.iter().map(|record| record.bytes_tables).sum();
+        let all: u64 = live.iter().map(|record| 72 * record.boxes).sum();
+        assert!(tables >= 72 * boxes && all > 4 * 72 * boxes, "{folder}: {tables} bytes, {boxes} boxes");
+        if folder == "counted" {
+            assert!(
+                tables < all / 2,
+                "{folder}: {tables} bytes of tables for {boxes} boxes, {all} in all frames"
+            );
+        }
+    }
+}
+
 /// Keyframes of a camera in the middle of the assembly that turns by so many degrees a frame.
 fn turning(frames: u32, degrees: f64) -> String {
     let keyframe = |frame: u32| {

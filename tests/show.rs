@@ -221,6 +221,33 @@ fn what_a_section_cuts_away_is_neither_seen_nor_picked() {
 }
 
 #[test]
+fn sections_beside_the_model_change_nothing_and_those_at_its_faces_neither() {
+    let Some(gpu) = gpu("sections_beside_the_model_change_nothing_and_those_at_its_faces_neither") else {
+        return;
+    };
+    let scene = spheres(3);
+    let camera = front(&scene);
+    let mut renderer = Renderer::new(gpu, Arc::clone(&scene), settings()).unwrap();
+    settle(&mut renderer, &camera);
+    let whole = pixels(&renderer);
+    let beside = Section { point: DVec3::X * -1.5, normal: DVec3::X };
+    let box_of_model = Section::inside(scene.bounds());
+    assert!(!beside.cuts(scene.bounds()) && box_of_model.iter().all(|face| !face.cuts(scene.bounds())));
+    let grazing = Section { point: DVec3::X * -0.999, normal: DVec3::X };
+    assert!(grazing.cuts(scene.bounds()) && Section { normal: DVec3::NEG_X, ..beside }.cuts(scene.bounds()));
+    let sections = box_of_model.into_iter().chain([beside]).collect();
+    renderer.set_style(Style { sections, ..Style::default() });
+    renderer.frame(&camera).unwrap();
+    assert!(pixels(&renderer) == whole);
+    // More planes than are possible, of which all but one cut nothing: that one does.
+    let cut = Section { point: DVec3::X * 1.5, normal: DVec3::X };
+    let sections = (0..20).map(|_| beside).chain([cut]).collect();
+    renderer.set_style(Style { sections, ..Style::default() });
+    renderer.frame(&camera).unwrap();
+    assert_eq!(renderer.pick(pixel_of(&camera, DVec3::ZERO)).unwrap(), None);
+}
+
+#[test]
 fn a_model_far_from_the_origin_looks_the_same() {
     let Some(gpu) = gpu("a_model_far_from_the_origin_looks_the_same") else { return };
     let scene = spheres(3);

@@ -10,15 +10,18 @@ mod common;
 
 use std::f64::consts::FRAC_PI_4;
 use std::sync::Arc;
+use std::time::Instant;
 
 use collapsar::frame::{Renderer, Settings};
+use collapsar::import::{Instance, Material, Model, Node};
 use collapsar::passes::draw::{Edges, Look, Section, Style};
 use collapsar::scene::camera::Parallel;
 use collapsar::scene::views::{self, Projection, StandardView, UpAxis};
 use collapsar::scene::{Camera, Scene};
 use collapsar::stats::FrameRecord;
 use common::gpu;
-use glam::DVec3;
+use common::metric::{Difference, SAME};
+use glam::{DAffine3, DVec3};
 
 const SIZE: u32 = 200;
 
@@ -218,6 +221,33 @@ fn what_a_section_cuts_away_is_neither_seen_nor_picked() {
 }
 
 #[test]
+fn sections_beside_the_model_change_nothing_and_those_at_its_faces_neither() {
+    let Some(gpu) = gpu("sections_beside_the_model_change_nothing_and_those_at_its_faces_neither") else {
+        return;
+    };
+    let scene = spheres(3);
+    let camera = front(&scene);
+    let mut renderer = Renderer::new(gpu, Arc::clone(&scene), settings()).unwrap();
+    settle(&mut renderer, &camera);
+    let whole = pixels(&renderer);
+    let beside = Section { point: DVec3::X * -1.5, normal: DVec3::X };
+    let box_of_model = Section::inside(scene.bounds());
+    assert!(!beside.cuts(scene.bounds()) && box_of_model.iter().all(|face| !face.cuts(scene.bounds())));
+    let grazing = Section { point: DVec3::X * -0.999, normal: DVec3::X };
+    assert!(grazing.cuts(scene.bounds()) && Section { normal: DVec3::NEG_X, ..beside }.cuts(scene.bounds()));
+    let sections = box_of_model.into_iter().chain([beside]).collect();
+    renderer.set_style(Style { sections, ..Style::default() });
+    renderer.frame(&camera).unwrap();
+    assert!(pixels(&renderer) == whole);
+    // More planes than are possible, of which all but one cut nothing: that one does.
+    let cut = Section { point: DVec3::X * 1.5, normal: DVec3::X };
+    let sections = (0..20).map(|_| beside).chain([cut]).collect();
+    renderer.set_style(Style { sections, ..Style::default() });
+    renderer.frame(&camera).unwrap();
+    assert_eq!(renderer.pick(pixel_of(&camera, DVec3::ZERO)).unwrap(), None);
+}
+
+#[test]
 fn a_model_far_from_the_origin_looks_the_same() {
     let Some(gpu) = gpu("a_model_far_from_the_origin_looks_the_same") else { return };
     let scene = spheres(3);
@@ -237,9 +267,129 @@ fn a_model_far_from_the_origin_looks_the_same() {
     let far_scene = spheres_at(3, shift);
     let (far, far_point) = picture(&far_scene, shift);
     assert!((near_point - far_point).length() < 1e-3, "{near_point} {far_point}");
-    let differ = near.iter().zip(&far).filter(|(a, b)| (0..3).any(|c| a[c].abs_diff(b[c]) > 6)).count();
-    // Pixels on the border of a facet may fall to either side.
-    assert!(differ < near.len() / 200, "{differ} of {} pixels differ", near.len());
+    assert_same("spheres", &near, &far);
+}
+
+/// How much two pictures differ, by the measure by which pictures are compared with their input.
+fn difference(a: &[[u8; 4]], b: &[[u8; 4]]) -> Difference {
+    let [a, b] = [a, b].map(|pixels| {
+        let rgb = pixels.iter().flat_map(|[red, green, blue, _]| [*red, *green, *blue]).collect();
+        image::RgbImage::from_raw(SIZE, SIZE, rgb).unwrap()
+    });
+    Difference::between(&a, &b)
+}
+
+#[track_caller]
+fn assert_same(what: &str, a: &[[u8; 4]], b: &[[u8; 4]]) {
+    let difference = difference(a, b);
+    println!("{what}: {difference:?}");
+    assert!(difference.is_within(&SAME), "{what}: {difference:?}");
+}
+
+#[test]
+fn an_engine_ten_thousand_kilometres_away_looks_the_same() {
+    let Some(gpu) = gpu("an_engine_ten_thousand_kilometres_away_looks_the_same") else { return };
+    let model = collapsar::import::read(&[common::bundled("2CylinderEngine.glb")]).unwrap();
+    let placed = |shift: DVec3| {
+        let mut model = model.clone();
+        model.instances.iter_mut().for_each(|instance| instance.world_from_part.translation += shift);
+        common::baked_model(model)
+    };
+    let picture = |shift: DVec3, nudge: f64| {
+        let scene = placed(shift);
+        let orientation = StandardView::Iso.orientation(UpAxis::Y);
+        let bounds = scene.bounds();
+        let mut camera = views::fit(bounds, bounds, orientation, Projection::default(), 1.0);
+        camera.eye += camera.right() * (nudge * bounds.scale());
+        let mut renderer = Renderer::new(Arc::clone(&gpu), scene, settings()).unwrap();
+        renderer.set_style(Style { edges: Edges::Features, depth_cue: 0.6, ..Style::default() });
+        settle(&mut renderer, &camera);
+        pixels(&renderer)
+    };
+    let near = picture(DVec3::ZERO, 0.0);
+    for shift in [DVec3::X * 1e7, DVec3::new(-6e6, 5e6, 6e6)] {
+        assert_same("engine", &near, &picture(shift, 0.0));
+    }
+    // Three pixels beside where it should be are seen.
+    let beside = difference(&near, &picture(DVec3::ZERO, 0.015));
+    assert!(!beside.is_within(&SAME), "the measure sees nothing: {beside:?}");
+}
+
+/// Small spheres of several shapes in a square, each with a node of its own.
+fn crowd(shapes: u32, of_each: u32) -> Arc<Scene> {
+    let count = shapes * of_each;
+    let side = f64::from(count).sqrt().ceil() as u32;
+    let place = |i: u32| Instance {
+        mesh: i % shapes,
+        node: i,
+        material: 0,
+        world_from_part: DAffine3::from_translation(
+            DVec3::new(f64::from(i % side), f64::from(i / side), 0.0) * 2.5,
+        ),
+    };
+    let shape = |i: u32| {
+        let mut mesh = common::sphere(3, 5);
+        let wide = 0.7 + 0.3 * i as f32 / shapes as f32;
+        mesh.positions.iter_mut().for_each(|position| position[0] *= wide);
+        mesh
+    };
+    common::baked_model(Model {
+        meshes: (0..shapes).map(shape).collect(),
+        instances: (0..count).map(place).collect(),
+        nodes: (0..count).map(|i| Node { name: format!("part {i}"), parent: None }).collect(),
+        materials: vec![Material::default()],
+        notes: Vec::new(),
+    })
+}
+
+#[test]
+fn a_hundred_thousand_parts_are_hidden_isolated_and_coloured_in_the_next_frame() {
+    let Some(gpu) = gpu("a_hundred_thousand_parts_are_hidden_isolated_and_coloured_in_the_next_frame") else {
+        return;
+    };
+    let started = Instant::now();
+    let scene = crowd(10_000, 10);
+    println!("baked in {:.1} s", started.elapsed().as_secs_f64());
+    let count = scene.instances().len();
+    assert_eq!(count, 100_000);
+    let camera = front(&scene);
+    // So large that each part has more than a pixel.
+    let settings = Settings { budget_vertices: 3_000_000, width: 900, height: 900, samples: 1, ..settings() };
+    let mut renderer = Renderer::new(gpu, Arc::clone(&scene), settings).unwrap();
+    let record = settle(&mut renderer, &camera);
+    assert_eq!(record.instances_visible, count as u64);
+    let all = pixels(&renderer);
+    let mut show = |what: &str, looks: &[Look]| {
+        let started = Instant::now();
+        renderer.set_looks(looks);
+        let set = started.elapsed();
+        let record = renderer.frame(&camera).unwrap();
+        let ms = |time: std::time::Duration| 1e3 * time.as_secs_f64();
+        println!(
+            "{what}: {:.2} ms to set the looks, {:.1} ms with the frame",
+            ms(set),
+            ms(started.elapsed())
+        );
+        let geometry = record.streamed_vertices + record.streamed_triangles + record.streamed_ecol;
+        assert_eq!((geometry, record.compute_passes, record.disk_bytes), (0, 0, 0), "{what}");
+        pixels(&renderer)
+    };
+    let differing = |a: &[[u8; 4]], b: &[[u8; 4]]| a.iter().zip(b).filter(|(a, b)| a != b).count();
+    let none = show("hide all", &vec![Look::HIDDEN; count]);
+    let of_model = differing(&all, &none);
+    assert!(of_model > all.len() / 6, "{of_model} pixels show the model");
+    let mut looks = vec![Look::HIDDEN; count];
+    looks[..count / 2].fill(Look::default());
+    let half = show("isolate half", &looks);
+    let share = differing(&half, &none) as f64 / of_model as f64;
+    assert!((0.45..0.55).contains(&share), "{share} of the model is shown");
+    let red = show("colour all", &vec![Look::coloured([255, 0, 0, 255]); count]);
+    let coloured = red.iter().filter(|pixel| pixel[0] > pixel[1].saturating_add(20)).count();
+    assert!(coloured * 10 > of_model * 9, "{coloured} of {of_model} pixels are red");
+    let ghosts = show("ghost all", &vec![Look::GHOST; count]);
+    assert!(differing(&ghosts, &all) > of_model / 2);
+    let again = show("show all", &vec![Look::default(); count]);
+    assert!(again == all, "{} pixels are not as they were", differing(&again, &all));
 }
 
 #[test]

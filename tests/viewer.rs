@@ -15,14 +15,17 @@ use std::time::{Duration, Instant};
 
 use collapsar::bake::{BakeOptions, BakeProgress, bake};
 use collapsar::gpu::{Gpu, GpuOptions};
-use collapsar::passes::draw::Edges;
+use collapsar::passes::draw::{Edges, Look};
 use collapsar::viewer::actions::Action;
 use collapsar::viewer::app::{App, Ask};
 use collapsar::viewer::document::Document;
+use collapsar::viewer::layout::Pane;
 use collapsar::viewer::painter::Errand;
 use collapsar::viewer::panels::picture::Tool;
-use collapsar::viewer::settings::Store;
+use collapsar::viewer::search::Names;
+use collapsar::viewer::settings::{Settings, Store};
 use common::gpu;
+use common::metric::{Difference, SAME};
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
@@ -38,7 +41,11 @@ const PATIENCE: Duration = Duration::from_secs(120);
 
 impl Desk {
     fn new(gpu: &Arc<Gpu>) -> Self {
-        let folder = tempfile::tempdir().unwrap();
+        Self::in_folder(gpu, tempfile::tempdir().unwrap())
+    }
+
+    /// With the settings that are in a folder.
+    fn in_folder(gpu: &Arc<Gpu>, folder: tempfile::TempDir) -> Self {
         let mut app = App::new(Store::in_folder(&folder.path().join("settings")), Arc::new(|| ()));
         app.set_gpu(Arc::clone(gpu));
         let harness =
@@ -55,12 +62,24 @@ impl Desk {
     /// With the bundled engine opened and drawn.
     fn with_engine(gpu: &Arc<Gpu>) -> Self {
         let mut desk = Self::new(gpu);
+        desk.open_engine();
+        desk
+    }
+
+    /// Closes it and opens it again.
+    fn again(mut self, gpu: &Arc<Gpu>) -> Self {
+        self.harness.state_mut().close();
+        let Self { harness, folder } = self;
+        drop(harness);
+        Self::in_folder(gpu, folder)
+    }
+
+    fn open_engine(&mut self) {
         let engine = engine();
-        desk.open(&engine);
-        desk.until("the first picture", |app| {
+        self.open(&engine);
+        self.until("the first picture", |app| {
             document(app).frame.as_ref().is_some_and(|frame| frame.is_settled)
         });
-        desk
     }
 
     fn open(&mut self, file: &Path) {
@@ -130,6 +149,27 @@ impl Desk {
         }
         self.pointer(from + by, PointerButton::Primary, false);
         self.harness.step();
+    }
+
+    /// Saves the picture once it is settled, and reads it.
+    #[track_caller]
+    fn picture(&mut self) -> image::RgbaImage {
+        let file = self.folder.path().join("seen.png");
+        self.until("the picture is settled", |app| {
+            document(app).frame.as_ref().is_some_and(|frame| frame.is_settled)
+        });
+        self.document().save_picture(file.clone());
+        self.until("it is saved", |_| file.is_file());
+        let picture = image::open(&file).unwrap().into_rgba8();
+        std::fs::remove_file(&file).unwrap();
+        picture
+    }
+
+    /// Goes on until there is another frame than now.
+    #[track_caller]
+    fn until_drawn(&mut self) {
+        let frames = document(self.app()).history.total().frames;
+        self.until("another frame", |app| document(app).history.total().frames > frames);
     }
 
     fn says(&self, words: &str) -> bool {
@@ -209,6 +249,58 @@ fn what_is_hidden_is_not_picked_and_nothing_is_sent_for_it() {
     desk.click(middle);
     desk.until("another pick", |app| document(app).watched != first);
     assert_eq!(sent(desk.app()), before);
+}
+
+#[test]
+fn a_row_under_the_pointer_is_highlighted_in_the_picture_until_the_pointer_leaves() {
+    let Some(gpu) = gpu("a_row_under_the_pointer_is_highlighted_in_the_picture") else { return };
+    let mut desk = Desk::with_engine(&gpu);
+    let plain = desk.picture();
+    let highlighted = |desk: &Desk| {
+        let visibility = &document(desk.app()).visibility;
+        let leaves = document(desk.app()).loaded.assembly.leaves();
+        (0..leaves).filter(|&leaf| visibility.look_of_leaf(leaf).has(Look::HOVERED)).count()
+    };
+    let name = |desk: &Desk, item: u32| {
+        let loaded = &document(desk.app()).loaded;
+        loaded.scene.item(&loaded.assembly, item)
+    };
+    desk.document().tree.expand_all();
+    desk.harness.step();
+    // Rows in sight with a name of their own, and how many parts each has.
+    let rows = document(desk.app()).tree.rows().to_vec();
+    let is_alone =
+        |row: &u32| rows.iter().filter(|other| name(&desk, **other) == name(&desk, *row)).count() == 1;
+    let parts_of = |row: u32| document(desk.app()).loaded.assembly.leaves_of(row).len();
+    let named = rows.iter().take(20).filter(|row| is_alone(row)).map(|&row| (row, parts_of(row)));
+    let group = named.clone().max_by_key(|(_, parts)| *parts).unwrap();
+    let part = named.clone().find(|(_, parts)| *parts == 1).unwrap();
+    assert!(group.1 > 1, "{group:?}");
+    for (item, parts) in [group, part] {
+        let label = name(&desk, item);
+        let row = desk.harness.get_by_role_and_label(egui::accesskit::Role::TreeItem, &label).rect();
+        desk.harness.event(Event::PointerMoved(row.center()));
+        desk.until_drawn();
+        assert_eq!(highlighted(&desk), parts, "{label}");
+        let lit = desk.picture();
+        let changed = lit.pixels().zip(plain.pixels()).filter(|(a, b)| a != b).count();
+        assert!(changed > 100, "{label}: {changed} pixels changed");
+    }
+    desk.harness.event(Event::PointerGone);
+    desk.until_drawn();
+    assert_eq!(highlighted(&desk), 0);
+    assert!(desk.picture() == plain, "the highlight stayed");
+    let middle = desk.middle();
+    for at in [middle - Vec2::splat(3.0), middle] {
+        desk.harness.event(Event::PointerMoved(at));
+        desk.harness.step();
+    }
+    desk.until("the part in the picture is pointed at", |app| {
+        document(app).visibility.hovered_leaf().is_some()
+    });
+    desk.act(Action::TogglePanels);
+    desk.harness.event(Event::PointerGone);
+    desk.until("nothing is", |app| document(app).visibility.hovered_leaf().is_none());
 }
 
 #[test]
@@ -369,6 +461,140 @@ fn memory_that_runs_out_halves_the_budget_and_a_lost_device_is_asked_for_anew() 
         assert_eq!(*document(desk.app()).navigation.camera(), camera);
         assert_eq!(desk.hidden(), 1);
     }
+}
+
+#[test]
+fn the_layout_is_remembered_and_a_damaged_one_is_the_first_one() {
+    let Some(gpu) = gpu("the_layout_is_remembered_and_a_damaged_one_is_the_first_one") else { return };
+    let mut desk = Desk::with_engine(&gpu);
+    let area = |desk: &Desk| desk.harness.get_by_label("Picture of the model").rect();
+    let first = area(&desk);
+    desk.drag(egui::pos2(first.left() - 0.5, first.center().y), Vec2::new(90.0, 0.0));
+    desk.harness.step();
+    let moved = area(&desk);
+    assert!(moved.left() > first.left() + 50.0, "{first:?} {moved:?}");
+    desk.harness.state_mut().layout.bring(Pane::Streaming);
+    desk.act(Action::ToggleTheme);
+    let theme = desk.app().settings.theme;
+    let mut desk = desk.again(&gpu);
+    assert_eq!(desk.app().settings.theme, theme);
+    desk.open_engine();
+    desk.harness.step();
+    assert!((area(&desk).left() - moved.left()).abs() < 2.0, "{moved:?} {:?}", area(&desk));
+    let kept = desk.app().layout.arrangement();
+    desk.act(Action::ResetPanels);
+    desk.harness.step();
+    assert!((area(&desk).left() - first.left()).abs() < 2.0);
+    assert_ne!(desk.app().layout.arrangement(), kept);
+    // Panels that are away are away the next time.
+    desk.act(Action::TogglePanels);
+    let mut desk = desk.again(&gpu);
+    desk.open_engine();
+    assert!(area(&desk).width() > first.width() + 100.0);
+    // A layout that makes no sense costs nothing else; settings that make none are left as they are.
+    desk.harness.state_mut().close();
+    let file = desk.folder.path().join("settings").join("settings.json");
+    let text = std::fs::read_to_string(&file).unwrap();
+    assert!(text.contains("\"layout\": {") && text.contains("\"streaming\""), "{text}");
+    std::fs::write(&file, text.replace("\"streaming\"", "\"picture\"")).unwrap();
+    let Desk { harness, folder } = desk;
+    drop(harness);
+    let mut desk = Desk::in_folder(&gpu, folder);
+    assert_eq!((desk.app().settings.theme, desk.app().messages.texts().count()), (theme, 0));
+    desk.open_engine();
+    assert!((area(&desk).left() - first.left()).abs() < 2.0);
+    drop(desk.harness.state_mut().document.take());
+    std::fs::write(&file, "{\"theme\": 7}").unwrap();
+    let Desk { harness, folder } = desk;
+    drop(harness);
+    let mut desk = Desk::in_folder(&gpu, folder);
+    assert!(desk.says("settings.json"));
+    desk.open_engine();
+    desk.harness.state_mut().close();
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), "{\"theme\": 7}");
+}
+
+/// The pictures of a folder, in the order of their names.
+fn pictures_in(folder: &Path) -> Vec<image::RgbImage> {
+    let mut files: Vec<PathBuf> =
+        std::fs::read_dir(folder).into_iter().flatten().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    for (number, file) in files.iter().enumerate() {
+        assert_eq!(file.file_name().unwrap().to_str().unwrap(), format!("engine-{number:03}.png"));
+    }
+    files.iter().map(|file| image::open(file).unwrap().into_rgb8()).collect()
+}
+
+#[test]
+fn a_turntable_is_saved_as_pictures_while_the_window_goes_on() {
+    let Some(gpu) = gpu("a_turntable_is_saved_as_pictures_while_the_window_goes_on") else { return };
+    let mut desk = Desk::with_engine(&gpu);
+    desk.press(Modifiers::NONE, Key::X);
+    desk.until_drawn();
+    let still = image::DynamicImage::from(desk.picture()).into_rgb8();
+    let folder = desk.folder.path().join("turn");
+    let settings = Settings { turntable_pictures: 5, ..desk.app().settings.clone() };
+    desk.document().save_turntable(&settings, &folder);
+    desk.until("the first picture", |app| document(app).turntable().is_some_and(|it| it.done > 0));
+    // The user goes on meanwhile, and sees it; a pick is one in the window's picture.
+    let middle = desk.middle();
+    desk.drag(middle, Vec2::new(80.0, 10.0));
+    desk.until_drawn();
+    desk.click(middle);
+    desk.until("the pick has come", |app| document(app).watched.is_some());
+    desk.until("all pictures", |app| app.messages.texts().any(|text| text.contains("Saved 5 pictures")));
+    assert!(document(desk.app()).turntable().is_none());
+    let pictures = pictures_in(&folder);
+    assert_eq!(pictures.len(), 5);
+    let size = document(desk.app()).size;
+    assert!(pictures.iter().all(|picture| picture.dimensions() == (size[0], size[1])));
+    let first = Difference::between(&still, &pictures[0]);
+    assert!(first.is_within(&SAME), "{first:?}");
+    for i in 0..5 {
+        let difference = Difference::between(&pictures[i], &pictures[(i + 1) % 5]);
+        assert!(!difference.is_within(&SAME), "{i} and the next are the same");
+    }
+    desk.until("the window's picture is that of its camera", |app| {
+        let frame = document(app).frame.as_ref().unwrap();
+        frame.is_settled && frame.camera == *document(app).navigation.camera()
+    });
+    // Nowhere to write to.
+    for (folder, words) in [("no/where", "cannot be made"), ("turn/engine-000.png", "cannot")] {
+        let folder = desk.folder.path().join(folder);
+        desk.document().save_turntable(&settings, &folder);
+        desk.until("it is said", |app| app.messages.texts().any(|text| text.contains(words)));
+        desk.until("it has ended", |app| document(app).turntable().is_none());
+    }
+}
+
+#[test]
+fn a_turntable_that_is_stopped_keeps_whole_pictures() {
+    let Some(gpu) = gpu("a_turntable_that_is_stopped_keeps_whole_pictures") else { return };
+    let mut desk = Desk::with_engine(&gpu);
+    let folder = engine().with_extension("turntable");
+    desk.act(Action::SaveTurntablePictures);
+    desk.harness.step();
+    assert!(desk.harness.query_by_label("Folder").is_some());
+    desk.harness.get_by_label("360").click();
+    desk.harness.step();
+    desk.press(Modifiers::NONE, Key::Enter);
+    let has_begun = |app: &App| document(app).turntable().is_some_and(|it| it.done >= 2 && it.of == 360);
+    desk.until("two pictures", has_begun);
+    desk.document().save_turntable(&Settings::default(), Path::new("."));
+    desk.until("one is enough", |app| app.messages.texts().any(|text| text.contains("stop them first")));
+    desk.harness.get_by_label("Stop").click();
+    desk.until("it is stopped", |app| app.messages.texts().any(|text| text.contains("of 360 pictures")));
+    assert_eq!(desk.app().settings.turntable_pictures, 360);
+    let count = pictures_in(&folder).len();
+    assert!((2..100).contains(&count) && desk.says(&format!("Stopped after {count} of 360")), "{count}");
+    // A painter that ends takes its turntable with it, and it is said.
+    let again = desk.folder.path().join("again");
+    let settings = desk.app().settings.clone();
+    desk.document().save_turntable(&settings, &again);
+    desk.until("it has begun", has_begun);
+    desk.harness.state_mut().set_gpu(gpu);
+    desk.until("it is said", |app| app.messages.texts().any(|text| text.contains("turntable was stopped")));
+    assert!(document(desk.app()).turntable().is_none() && pictures_in(&again).len() >= 2);
 }
 
 #[test]

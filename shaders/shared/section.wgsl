@@ -7,10 +7,9 @@
 // face. So the back sides of closed parts are painted as the plane that the line came in by. No gap is possible, at
 // any level of detail, for the cap ends where the surface does.
 
-// Where a standard sample lies in its pixel, from its middle, in sixteenths of a pixel (x, y downwards).
-const SAMPLES_OF_4 = array<vec2<f32>, 4>(
-    vec2<f32>(-2.0, -6.0), vec2<f32>(6.0, -2.0), vec2<f32>(-6.0, 2.0), vec2<f32>(2.0, 6.0),
-);
+// Where the standard samples lie in their pixel, from its middle, in sixteenths of a pixel: x, and y downwards.
+const SAMPLES_X = vec4<f32>(-2.0, 6.0, -6.0, 2.0);
+const SAMPLES_Y = vec4<f32>(-6.0, -2.0, 2.0, 6.0);
 
 // Samples a pixel.
 override SAMPLES: u32 = 1u;
@@ -19,23 +18,20 @@ override SAMPLES: u32 = 1u;
 fn kept_samples(relative: vec3<f32>) -> u32 {
     let right = dpdx(relative);
     let down = dpdy(relative);
-    var kept = select(1u, 15u, SAMPLES == 4u);
+    // By sample, the least distance to any plane.
+    var least = vec4<f32>(3e38);
     for (var i = 0u; i < frame.section_count; i += 1u) {
         let plane = frame.sections[i];
         let distance = dot(plane.xyz, relative) + plane.w;
         if SAMPLES == 4u {
             let slope = vec2<f32>(dot(plane.xyz, right), dot(plane.xyz, down)) / 16.0;
-            var places = SAMPLES_OF_4;
-            for (var sample = 0u; sample < 4u; sample += 1u) {
-                if distance + dot(slope, places[sample]) < 0.0 {
-                    kept &= ~(1u << sample);
-                }
-            }
-        } else if distance < 0.0 {
-            kept = 0u;
+            least = min(least, vec4<f32>(distance) + slope.x * SAMPLES_X + slope.y * SAMPLES_Y);
+        } else {
+            least.x = min(least.x, distance);
         }
     }
-    return kept;
+    let bits = select(vec4<u32>(0u), vec4<u32>(1u, 2u, 4u, 8u), least >= vec4<f32>(0.0));
+    return select(bits.x, bits.x | bits.y | bits.z | bits.w, SAMPLES == 4u);
 }
 
 // Where the line of sight to a point came through a section last.

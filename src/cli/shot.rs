@@ -1,4 +1,4 @@
-//! `collapsar shot`: a model, a camera and a style in, one picture out; the viewer without its window.
+//! `collapsar shot`: a model, a camera and a style in, one picture out, or those of a turntable; the viewer without its window.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -9,12 +9,14 @@ use collapsar::frame::{Renderer, Settings};
 use collapsar::gpu::{Gpu, GpuOptions};
 use collapsar::passes::draw::{Edges, Look, MOST_PLANES, Style};
 use collapsar::scene::camera_path::Keyframes;
+use collapsar::scene::turntable::{self, MOST_PICTURES};
 use collapsar::scene::views::{self, Projection, StandardView, UpAxis};
 use collapsar::scene::{Bounds, Camera, Scene};
 use collapsar::stats::report::human;
+use indicatif::ProgressBar;
 
 use super::cuts::{self, BoxText, SectionText};
-use super::{Failure, baked, interrupt, output, values};
+use super::{Failure, baked, interrupt, output, progress, values};
 
 /// Arguments of `shot`.
 #[derive(Debug, Args)]
@@ -23,6 +25,7 @@ use super::{Failure, baked, interrupt, output, values};
     collapsar shot engine.glb --view front --parallel --edges features -o front.png\n  \
     collapsar shot plant.clps --section x=50% --section=-y=2.5 --colour-by part -o cut.png\n  \
     collapsar shot ship.clps --isolate pump --fit isolated --size 512x512 -o pump.png\n  \
+    collapsar shot engine.clps --turntable 72 -o engine.png     writes engine-000.png to engine-071.png\n  \
     collapsar shot ship.clps --camera '{\"frame\":0,\"eye\":[9,5,9],\"target\":[0,0,0]}' -o here.png\n\n\
     A section keeps what lies on the positive side of its plane: x=50% cuts off the lower half along x, -x=50% the \
     upper one; without a percent sign the number is in the model's unit of length.\n\
@@ -33,6 +36,9 @@ pub struct ShotArguments {
     /// The picture, a PNG file.
     #[arg(short, long, value_name = "PNG")]
     output: PathBuf,
+    /// So many pictures from once round, about the upright axis, into NAME-000.png and so on for -o NAME.png.
+    #[arg(long, value_name = "PICTURES", value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_PICTURES)))]
+    turntable: Option<u32>,
     /// The picture's size in pixels.
     #[arg(long, default_value = "1280x720", value_parser = values::size, value_name = "WxH")]
     size: (u32, u32),
@@ -136,34 +142,73 @@ const MOST_FRAMES: u32 = 400;
 
 /// Runs `shot`.
 pub fn run(arguments: &ShotArguments) -> Result<(), Failure> {
-    output::check_file(&arguments.output)?;
+    output::check_file(&arguments.path_of(0))?;
     let container = baked::container_of(&arguments.file)?;
     let scene = Arc::new(Scene::open(&container)?);
     let gpu = Arc::new(Gpu::new(&GpuOptions::default())?);
-    let picture = take(arguments, &gpu, &scene).map_err(|failure| failure.in_container(&container))?;
-    if arguments.quiet { Ok(()) } else { output::print_text(&picture) }
+    let line = take_all(arguments, &gpu, &scene).map_err(|failure| failure.in_container(&container))?;
+    if arguments.quiet { Ok(()) } else { output::print_text(&line) }
 }
 
-/// Draws and writes the picture; gives a line about it.
-fn take(arguments: &ShotArguments, gpu: &Arc<Gpu>, scene: &Arc<Scene>) -> Result<String, Failure> {
+impl ShotArguments {
+    /// Where a picture goes.
+    fn path_of(&self, number: u32) -> PathBuf {
+        match self.turntable {
+            Some(_) => turntable::picture_path(&self.output, number),
+            None => self.output.clone(),
+        }
+    }
+}
+
+/// Draws and writes the picture, or those of a turntable; gives a line about the last.
+fn take_all(arguments: &ShotArguments, gpu: &Arc<Gpu>, scene: &Arc<Scene>) -> Result<String, Failure> {
     let looks = looks(arguments, scene)?;
-    let camera = camera(arguments, scene, &looks)?;
+    let cameras = cameras(arguments, scene, &looks)?;
     let mut renderer = Renderer::new(Arc::clone(gpu), Arc::clone(scene), settings(arguments))?;
     renderer.set_style(style(arguments, scene)?);
-    renderer.set_looks(&looks);
-    settle(&mut renderer, &camera)?;
-    if arguments.colour_by != ColourBy::Material {
-        renderer.set_looks(&coloured(arguments.colour_by, scene, &renderer, &looks));
+    let bar = match cameras.len() {
+        1 => ProgressBar::hidden(),
+        _ if arguments.quiet => ProgressBar::hidden(),
+        count => ProgressBar::new(count as u64)
+            .with_style(progress::style("{wide_bar} {pos} of {len} pictures, {eta} left")),
+    };
+    let mut line = String::new();
+    for (number, camera) in (0u32..).zip(&cameras) {
+        let path = arguments.path_of(number);
+        line = take(arguments, (scene, &mut renderer), camera, &looks, &path)?;
+        bar.inc(1);
     }
-    let record = renderer.frame(&camera)?;
-    renderer.target().save_png(&gpu.device, &gpu.queue, &arguments.output)?;
+    bar.finish_and_clear();
+    Ok(if arguments.turntable.is_some() {
+        format!("{} pictures, the last: {line}", cameras.len())
+    } else {
+        line
+    })
+}
+
+/// Draws and writes a picture; gives a line about it.
+fn take(
+    arguments: &ShotArguments,
+    (scene, renderer): (&Scene, &mut Renderer),
+    camera: &Camera,
+    looks: &[Look],
+    path: &Path,
+) -> Result<String, Failure> {
+    renderer.set_looks(looks);
+    settle(renderer, camera, arguments.turntable.is_some())?;
+    if arguments.colour_by != ColourBy::Material {
+        renderer.set_looks(&coloured(arguments.colour_by, scene, renderer, looks));
+    }
+    let record = renderer.frame(camera)?;
+    let gpu = renderer.gpu();
+    renderer.target().save_png(&gpu.device, &gpu.queue, path)?;
     Ok(format!(
         "{} of {} triangles in {} of {} instances: {}",
         human::count(record.active_triangles),
         human::count(scene.counts().triangles_placed),
         human::count(record.instances_visible),
         human::count(scene.instances().len() as u64),
-        arguments.output.display()
+        path.display()
     ))
 }
 
@@ -182,13 +227,16 @@ fn settings(arguments: &ShotArguments) -> Settings {
 }
 
 /// Draws until nothing moves any more.
-fn settle(renderer: &mut Renderer, camera: &Camera) -> Result<(), Failure> {
-    for _ in 0..MOST_FRAMES {
+fn settle(renderer: &mut Renderer, camera: &Camera, is_one_of_many: bool) -> Result<(), Failure> {
+    for frame in 0..MOST_FRAMES {
         if interrupt::flag().load(std::sync::atomic::Ordering::Relaxed) {
-            return Err(Failure::Interrupted("no picture was written"));
+            return Err(Failure::Interrupted(match is_one_of_many {
+                true => "pictures that are written stay, and are whole",
+                false => "no picture was written",
+            }));
         }
         let record = renderer.frame(camera)?;
-        if record.frame > 3 && record.streamed_vertices + record.streamed_triangles == 0 {
+        if frame > 3 && record.streamed_vertices + record.streamed_triangles == 0 {
             return Ok(());
         }
     }
@@ -265,7 +313,8 @@ fn coloured(by: ColourBy, scene: &Scene, renderer: &Renderer, looks: &[Look]) ->
     (0u32..).zip(looks).map(|(instance, &look)| look.with(look_of(by, &of, instance))).collect()
 }
 
-fn camera(arguments: &ShotArguments, scene: &Scene, looks: &[Look]) -> Result<Camera, Failure> {
+/// The camera, or all cameras of a turntable.
+fn cameras(arguments: &ShotArguments, scene: &Scene, looks: &[Look]) -> Result<Vec<Camera>, Failure> {
     let bounds = scene.bounds();
     if let Some(text) = &arguments.camera {
         let keys = if text.trim_start().starts_with(['{', '[']) {
@@ -274,7 +323,8 @@ fn camera(arguments: &ShotArguments, scene: &Scene, looks: &[Look]) -> Result<Ca
             Keyframes::read(Path::new(text))
         };
         let first = keys.map_err(Failure::from)?;
-        return Ok(first.camera(0, views::near_of(bounds), views::reach_of(bounds)));
+        let first = first.camera(0, views::near_of(bounds), views::reach_of(bounds));
+        return Ok(round(arguments, &first, bounds));
     }
     let shown = match arguments.fit {
         Fit::All => *bounds,
@@ -288,5 +338,19 @@ fn camera(arguments: &ShotArguments, scene: &Scene, looks: &[Look]) -> Result<Ca
         false => Projection::Perspective(arguments.fov.to_radians()),
     };
     let aspect = f64::from(arguments.size.0) / f64::from(arguments.size.1);
-    Ok(views::fit(&shown, bounds, arguments.view.orientation(arguments.up), projection, aspect))
+    let orientation = arguments.view.orientation(arguments.up);
+    let first = views::fit(&shown, bounds, orientation, projection, aspect);
+    // From each side all is to be seen, and nothing moves nearer or away.
+    let each = round(arguments, &first, &shown);
+    let fitted =
+        each.iter().map(|camera| views::fit(&shown, bounds, camera.world_from_view, projection, aspect));
+    let fitted: Vec<Camera> = fitted.collect();
+    let first = turntable::farthest(&fitted, shown.centre()).unwrap_or(first);
+    Ok(round(arguments, &first, &shown))
+}
+
+/// The camera, and with --turntable those that it becomes on its way round what is shown.
+fn round(arguments: &ShotArguments, first: &Camera, shown: &Bounds) -> Vec<Camera> {
+    let pictures = arguments.turntable.unwrap_or(1);
+    turntable::once_round(first, shown.centre(), arguments.up.vector(), pictures)
 }

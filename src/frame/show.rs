@@ -115,8 +115,9 @@ impl Renderer {
         size_of_val(&uniform) as u64
     }
 
-    /// What is asked of pictures from now on.
-    pub fn set_style(&mut self, style: Style) {
+    /// What is asked of pictures from now on. Sections that cut off nothing of the model cost nothing.
+    pub fn set_style(&mut self, mut style: Style) {
+        style.sections.retain(|section| section.cuts(self.scene.bounds()));
         self.style = style;
     }
 

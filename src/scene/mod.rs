@@ -13,6 +13,7 @@ pub mod mapped;
 pub mod names;
 pub mod opened;
 pub mod part;
+pub mod turntable;
 pub mod views;
 
 pub use bounds::Bounds;

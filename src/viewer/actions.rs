@@ -19,6 +19,8 @@ pub enum Action {
     SaveWindow,
     /// Save a path once round the model, for `fly`.
     SaveTurntable,
+    /// Save pictures from once round the model.
+    SaveTurntablePictures,
     /// End.
     Quit,
     /// Show all of the model.
@@ -156,6 +158,7 @@ pub const ENTRIES: &[Entry] = &[
     entry(Menu::File, Action::SavePicture, "Save picture…", ctrl(Key::S)),
     always(Menu::File, Action::SaveWindow, "Save picture of the window…", ctrl_shift(Key::S)),
     entry(Menu::File, Action::SaveTurntable, "Save turntable path…", None),
+    entry(Menu::File, Action::SaveTurntablePictures, "Save turntable pictures…", None),
     always(Menu::File, Action::Quit, "Quit", ctrl(Key::Q)),
     entry(Menu::Edit, Action::Undo, "Undo", ctrl(Key::Z)),
     entry(Menu::Edit, Action::Redo, "Redo", ctrl_shift(Key::Z)),
@@ -187,7 +190,7 @@ pub const ENTRIES: &[Entry] = &[
     entry(Menu::View, Action::AddBookmark, "Add a bookmark", ctrl(Key::B)),
     entry(Menu::View, Action::RecordKey, "Record a key of a path", key(Key::K)),
     always(Menu::View, Action::TogglePanels, "Panels", key(Key::Tab)),
-    always(Menu::View, Action::ResetPanels, "Panels as they were at first", None),
+    always(Menu::View, Action::ResetPanels, "Reset layout: panels as they were at first", None),
     always(Menu::View, Action::ToggleFullscreen, "Full screen", key(Key::F11)),
     entry(Menu::Look, Action::ToggleSection, "Section", key(Key::X)),
     entry(Menu::Look, Action::Measure, "Measure", key(Key::M)),
@@ -246,7 +249,11 @@ fn action_of(event: &egui::Event) -> Option<Action> {
 impl Action {
     /// Whether a field to type in comes of it.
     fn wants_text(self) -> bool {
-        matches!(self, Self::Search | Self::Palette | Self::Open | Self::SavePicture | Self::SaveWindow)
+        use Action::{Open, Palette, SavePicture, SaveTurntable, SaveTurntablePictures, SaveWindow, Search};
+        matches!(
+            self,
+            Search | Palette | Open | SavePicture | SaveWindow | SaveTurntable | SaveTurntablePictures
+        )
     }
 }
 

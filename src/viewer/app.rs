@@ -49,6 +49,8 @@ pub struct App {
     /// Which panels are where.
     pub layout: Layout,
     store: Store,
+    /// Whether the file of settings was understood; one that was not stays as it is.
+    may_save: bool,
     saved: Settings,
     loader: Option<Loader>,
     gpu: Option<Arc<Gpu>>,
@@ -64,18 +66,21 @@ impl App {
     /// Reads the settings of a store. `wake` is called from other threads whenever there is news.
     pub fn new(store: Store, wake: Wake) -> Self {
         let mut messages = Messages::default();
-        let settings = store.load().unwrap_or_else(|error| {
+        let loaded = store.load();
+        let may_save = loaded.is_ok();
+        let settings = loaded.unwrap_or_else(|error| {
             messages.fail(error.to_string());
             Settings::default()
         });
         Self {
             saved: settings.clone(),
-            settings,
             document: None,
             messages,
             tool: Tool::default(),
-            layout: Layout::default(),
+            layout: Layout::restored(settings.layout.as_ref()),
+            settings,
             store,
+            may_save,
             loader: None,
             gpu: None,
             wake,
@@ -161,7 +166,8 @@ impl App {
     }
 
     fn save_settings(&mut self) {
-        if self.settings != self.saved {
+        self.settings.layout = self.layout.arrangement();
+        if self.settings != self.saved && self.may_save {
             self.saved = self.settings.clone();
             if let Err(error) = self.store.save(&self.settings) {
                 self.messages.fail(error.to_string());
@@ -274,6 +280,7 @@ impl App {
                     loader.cancel();
                 }
             } else if let Some(document) = &self.document {
+                start::turntable(ui, document);
                 start::status(ui, document, self.tool);
             } else {
                 ui.weak("Drop a file here, or press Ctrl+O.");
@@ -310,6 +317,7 @@ impl App {
         if let Some(dialog) = &mut self.dialog
             && let Some(ended) = dialog.show(context, &self.settings.recent)
         {
+            self.settings.turntable_pictures = dialog.pictures;
             self.dialog = None;
             if let paths::Ended::Chosen(want, path) = ended {
                 self.chosen(want, path);
@@ -331,9 +339,13 @@ impl App {
             Want::SavePicture => file.with_extension("png"),
             Want::SaveWindow => PathBuf::from("collapsar.png"),
             Want::SaveTurntable => file.with_extension("turntable.json"),
+            Want::SaveTurntablePictures => file.with_extension("turntable"),
             Want::SavePath | Want::LoadPath => file.with_extension("path.json"),
         };
-        self.dialog = Some(PathDialog::new(want, &suggestion));
+        let pictures = self.settings.turntable_pictures;
+        let mut dialog = PathDialog::new(want, &suggestion);
+        dialog.pictures = pictures;
+        self.dialog = Some(dialog);
     }
 
     fn chosen(&mut self, want: Want, path: PathBuf) {
@@ -341,6 +353,7 @@ impl App {
             (Want::Open, _) => self.open(&path),
             (Want::SaveWindow, _) => self.asks.push(Ask::SaveWindow(path)),
             (Want::SavePicture, Some(document)) => document.save_picture(path),
+            (Want::SaveTurntablePictures, Some(document)) => document.save_turntable(&self.settings, &path),
             (Want::SaveTurntable | Want::SavePath, Some(document)) => {
                 match self.layout.route.save(document, want, &path) {
                     Ok(()) => self.messages.say(format!("Saved {}", path.display())),
@@ -385,6 +398,7 @@ impl App {
         match action {
             Action::SavePicture => self.ask_for_file(Want::SavePicture),
             Action::SaveTurntable => self.ask_for_file(Want::SaveTurntable),
+            Action::SaveTurntablePictures => self.ask_for_file(Want::SaveTurntablePictures),
             Action::FitAll => document.fit_all(),
             Action::FitSelection => document.fit_selected(),
             Action::View(view) => document.view(view),

@@ -3,7 +3,7 @@
 //! Each turn of the window's loop it takes the painter's news ([`Document::poll`]), lets time pass
 //! ([`Document::advance`]), is shown by the panels, and wishes for the next frame ([`Document::wish`]).
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::DVec2;
@@ -15,6 +15,7 @@ use super::loader::Loaded;
 use super::measure::{Measuring, What};
 use super::navigation::motions::pixel_of;
 use super::navigation::{Framing, Input, Navigation, Picture};
+use super::painter::turntable::{Made, Progress, Turntable};
 use super::painter::{Done, Errand, Frame, Measured, Painter, Purpose, Trouble, Wake, Wish};
 use super::panels::look::Look as LookSettings;
 use super::settings::Settings;
@@ -24,7 +25,7 @@ use crate::frame::Pick;
 use crate::gpu::Gpu;
 use crate::passes::draw::{Look, Style};
 use crate::scene::views::StandardView;
-use crate::scene::{Bounds, Camera, Scene};
+use crate::scene::{Bounds, Camera, Scene, turntable};
 
 /// What somebody else has to know of, or to do.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,6 +66,8 @@ pub struct Document {
     pub frame: Option<Frame>,
     /// What is under the pointer.
     pub hovered: Option<Pick>,
+    /// The item of the tree under the pointer.
+    pointed_item: Option<u32>,
     /// The instance that was selected last.
     pub watched: Option<u32>,
     /// The picture's size in pixels.
@@ -79,6 +82,9 @@ pub struct Document {
     /// Whether a pick for the pointer is on its way.
     is_hover_due: bool,
     budget_was_halved: Option<u32>,
+    turntable: Option<Progress>,
+    /// Whether pictures of a turntable ended with the painter that made them, and nobody was told.
+    has_lost_turntable: bool,
 }
 
 impl Document {
@@ -101,6 +107,7 @@ impl Document {
             history: History::default(),
             frame: None,
             hovered: None,
+            pointed_item: None,
             watched: None,
             size: [0; 2],
             painter: Some(painter),
@@ -109,6 +116,8 @@ impl Document {
             wished: None,
             is_hover_due: false,
             budget_was_halved: None,
+            turntable: None,
+            has_lost_turntable: false,
             loaded,
         }
     }
@@ -133,6 +142,7 @@ impl Document {
         // The old one ends first, so that the two never hold memory together.
         self.painter = None;
         self.frame = None;
+        self.forget_turntable();
         self.wished = None;
         self.is_hover_due = false;
         let scene = Arc::clone(self.scene());
@@ -159,12 +169,46 @@ impl Document {
         self.errand(Errand::Save(path));
     }
 
+    /// Writes so many pictures as the settings say from once round the model into a folder, as all looks now.
+    pub fn save_turntable(&mut self, settings: &Settings, folder: &Path) {
+        // What is under the pointer is no part of the picture.
+        self.visibility.hover(None);
+        self.visibility.looks(&[], Arc::make_mut(&mut self.looks));
+        self.looks_revision = None;
+        let wish = Wish { watched: None, ..self.wished_now(settings) };
+        let (pivot, up) = (self.scene().bounds().centre(), self.navigation.up.vector());
+        let cameras = turntable::once_round(&wish.camera, pivot, up, settings.turntable_pictures);
+        let name = self.loaded.file.file_stem().unwrap_or_default();
+        let output = folder.join(name).with_added_extension("png");
+        self.errand(Errand::Turntable(Box::new(Turntable { wish, cameras, output })));
+        self.highlight();
+    }
+
+    /// Makes no more pictures of a turntable.
+    pub fn stop_turntable(&self) {
+        self.errand(Errand::StopTurntable);
+    }
+
+    /// How far the pictures of a turntable are, while they are made.
+    pub fn turntable(&self) -> Option<Progress> {
+        self.turntable
+    }
+
+    fn forget_turntable(&mut self) {
+        self.has_lost_turntable |= self.turntable.take().is_some();
+    }
+
     /// Takes the painter's news.
     pub fn poll(&mut self) -> Vec<Happened> {
-        let Some(painter) = &self.painter else { return Vec::new() };
+        let mut happened = Vec::new();
+        if std::mem::take(&mut self.has_lost_turntable) {
+            let why = "The turntable was stopped: what draws was made anew. Pictures that are written stay.";
+            happened.push(Happened::Failed(why.to_owned()));
+        }
+        let Some(painter) = &self.painter else { return happened };
         let news = painter.news();
         news.records.into_iter().for_each(|record| self.history.add(record));
-        let mut happened = Vec::new();
+        self.turntable = news.turntable;
         if let Some(frame) = news.frame {
             happened.extend(self.said_of_budget(&frame));
             self.frame = Some(frame);
@@ -172,6 +216,7 @@ impl Document {
         happened.extend(news.done.into_iter().filter_map(|done| self.done(done)));
         if let Some(trouble) = news.trouble {
             self.painter = None;
+            self.forget_turntable();
             happened.push(match trouble {
                 Trouble::DeviceLost(why) => Happened::DeviceLost(why),
                 Trouble::Failed(why) => Happened::Failed(why),
@@ -193,6 +238,7 @@ impl Document {
         match done {
             Done::Saved(path) => Some(Happened::Said(format!("Saved {}", path.display()))),
             Done::NotSaved(why) | Done::NotMeasured(why) => Some(Happened::Failed(why)),
+            Done::Pictures(made) => Some(Happened::Said(said_of_pictures(&made))),
             Done::Measured(measured) => measured.map(Happened::Measured),
             Done::Picked { purpose, found, .. } => self.picked(purpose, found),
         }
@@ -202,8 +248,8 @@ impl Document {
         match (purpose, found) {
             (Purpose::Hover, found) => {
                 self.is_hover_due = false;
-                self.visibility.hover(found.map(|pick| pick.instance));
                 self.hovered = found;
+                self.highlight();
                 None
             }
             (Purpose::Select, None) => {
@@ -283,7 +329,23 @@ impl Document {
     /// The pointer has left the picture.
     pub fn point_at_nothing(&mut self) {
         if self.hovered.take().is_some() {
-            self.visibility.hover(None);
+            self.highlight();
+        }
+    }
+
+    /// The pointer is over the row of an item, or over none.
+    pub fn point_at_item(&mut self, item: Option<u32>) {
+        if item != self.pointed_item {
+            self.pointed_item = item;
+            self.highlight();
+        }
+    }
+
+    /// Highlights what is under the pointer, in the tree or else in the picture.
+    fn highlight(&mut self) {
+        match self.pointed_item {
+            Some(item) => self.visibility.hover_item(Some(item)),
+            None => self.visibility.hover(self.hovered.map(|pick| pick.instance)),
         }
     }
 
@@ -417,5 +479,19 @@ impl Document {
             looks: Arc::clone(&self.looks),
             watched: self.watched,
         }
+    }
+}
+
+fn said_of_pictures(made: &Made) -> String {
+    let Made { progress: Progress { done, of }, incomplete, folder } = made;
+    let folder = folder.display();
+    let lack = match incomplete {
+        0 => String::new(),
+        count => format!("; {count} of them lack detail that was not read in time"),
+    };
+    if done == of {
+        format!("Saved {of} pictures{lack}: {folder}")
+    } else {
+        format!("Stopped after {done} of {of} pictures{lack}: {folder}")
     }
 }

@@ -1,6 +1,7 @@
 //! Which panels are where, and what belongs to them: a document and the settings in, what the user did out.
 
 mod route;
+mod saved;
 
 use egui::{TextureId, Ui, WidgetText};
 use egui_tiles::{Behavior, SimplificationOptions, TileId, Tiles, Tree, UiResponse};
@@ -16,9 +17,11 @@ use super::panels::tree::{TreeEvent, TreeModel, TreePanel};
 use super::panels::{cuts, gizmo, look, properties, streaming};
 use super::settings::Settings;
 pub use route::Route;
+pub use saved::Arrangement;
 
 /// A panel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Pane {
     /// The assembly.
     Tree,
@@ -39,6 +42,18 @@ pub enum Pane {
 }
 
 impl Pane {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::Tree,
+        Self::Picture,
+        Self::Properties,
+        Self::Look,
+        Self::Cuts,
+        Self::Measure,
+        Self::Route,
+        Self::Streaming,
+    ];
+
     /// What it is called.
     pub fn title(self) -> &'static str {
         match self {
@@ -115,6 +130,19 @@ fn first_tiles() -> Tree<Pane> {
 }
 
 impl Layout {
+    /// Panels as they were when that was kept; as at first where it makes no sense.
+    pub fn restored(kept: Option<&Arrangement>) -> Self {
+        match kept.and_then(|kept| Some((kept.tree()?, kept.shows_panels))) {
+            Some((tiles, shows_panels)) => Self { tiles, shows_panels, ..Self::default() },
+            None => Self::default(),
+        }
+    }
+
+    /// What is to be kept of it.
+    pub fn arrangement(&self) -> Option<Arrangement> {
+        Arrangement::of(&self.tiles, self.shows_panels)
+    }
+
     /// Panels as they were at first.
     pub fn reset(&mut self) {
         (self.tiles, self.shows_panels) = (first_tiles(), true);
@@ -223,7 +251,9 @@ impl Layout {
         } else {
             panels.picture(ui);
         }
-        panels.asked
+        let asked = panels.asked;
+        document.point_at_item(self.tree.take_pointed());
+        asked
     }
 }
 

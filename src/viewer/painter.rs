@@ -4,6 +4,8 @@
 //! handed over as a target that the painter does not touch again while anybody holds it. What goes wrong is handed over
 //! too: the painter then ends, but for memory of the graphics card running out, which halves the budget.
 
+pub mod turntable;
+
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -23,6 +25,7 @@ use crate::passes::draw::{Look, Style};
 use crate::scene::{Camera, Scene};
 use crate::stats::FrameRecord;
 use rayon::prelude::*;
+use turntable::{Made, Progress, Running, Turntable};
 
 /// What the window wants to see.
 #[derive(Debug, Clone)]
@@ -92,6 +95,10 @@ pub enum Errand {
     },
     /// Write the newest picture as a PNG file.
     Save(PathBuf),
+    /// Write pictures from once round, between other frames.
+    Turntable(Box<Turntable>),
+    /// Make no more of them.
+    StopTurntable,
     /// Behave as if the graphics card had no memory left, to see what happens.
     Exhaust,
 }
@@ -114,8 +121,10 @@ pub enum Done {
     NotMeasured(String),
     /// The picture is there.
     Saved(PathBuf),
-    /// The picture could not be written.
+    /// The picture, or one of a turntable, could not be written.
     NotSaved(String),
+    /// The pictures of a turntable are there, or those until it was stopped.
+    Pictures(Made),
 }
 
 /// A point to measure from.
@@ -153,6 +162,8 @@ pub struct News {
     pub records: Vec<FrameRecord>,
     /// What became of errands.
     pub done: Vec<Done>,
+    /// How far the pictures of a turntable are, while they are made.
+    pub turntable: Option<Progress>,
     /// Why the painter ended.
     pub trouble: Option<Trouble>,
 }
@@ -216,7 +227,9 @@ impl Painter {
 
     /// What happened since the last call.
     pub fn news(&self) -> News {
-        std::mem::take(&mut self.shared.0.lock().news)
+        let mut shared = self.shared.0.lock();
+        let turntable = shared.news.turntable;
+        std::mem::replace(&mut shared.news, News { turntable, ..News::default() })
     }
 }
 
@@ -253,6 +266,10 @@ struct Easel<'a> {
     halved: Option<u32>,
     /// Frames in a row that changed nothing.
     quiet: u32,
+    /// The pictures that are made between other frames.
+    turntable: Option<Running>,
+    /// Whether the last frame was one of those, and not of the window's wish.
+    is_elsewhere: bool,
 }
 
 /// After so many frames that change nothing, nothing will, while the wish stays.
@@ -276,6 +293,8 @@ impl<'a> Easel<'a> {
             most_budget: u32::MAX,
             halved: None,
             quiet: 0,
+            turntable: None,
+            is_elsewhere: false,
         })
     }
 
@@ -284,18 +303,41 @@ impl<'a> Easel<'a> {
             let (frames, others): (Vec<_>, Vec<_>) =
                 errands.into_iter().partition(|errand| *errand == Errand::Exhaust);
             frames.iter().for_each(|_| self.gpu.exhaust());
-            let frame = wish.map(|wish| self.frame_or_less(&wish)).transpose()?;
-            let done = others.iter().map(|errand| self.run(errand)).collect::<Result<Vec<_>, _>>()?;
-            let mut shared = shared.0.lock();
-            shared.news.done.extend(done.into_iter().flatten());
-            if let Some(frame) = frame {
-                shared.news.records.push(frame.record);
-                shared.news.frame = Some(frame);
+            let frame = wish.map(|wish| self.frame_of_window(&wish)).transpose()?;
+            let done = others.into_iter().map(|errand| self.run(errand)).collect::<Result<Vec<_>, _>>()?;
+            let turned = self.turn()?;
+            if self.tell(shared, frame, done.into_iter().chain([turned]).flatten()) {
+                wake();
             }
-            drop(shared);
-            wake();
         }
         Ok(())
+    }
+
+    /// Hands over what came of a round; says whether that was anything.
+    fn tell(
+        &self,
+        shared: &(Mutex<Shared>, Condvar),
+        frame: Option<Frame>,
+        done: impl Iterator<Item = Done>,
+    ) -> bool {
+        let mut shared = shared.0.lock();
+        let news = &mut shared.news;
+        let before = (news.done.len(), news.turntable);
+        news.done.extend(done);
+        news.turntable = self.turntable.as_ref().map(Running::progress);
+        let has_news = frame.is_some() || before != (news.done.len(), news.turntable);
+        if let Some(frame) = frame {
+            news.records.push(frame.record);
+            news.frame = Some(frame);
+        }
+        has_news
+    }
+
+    fn frame_of_window(&mut self, wish: &Wish) -> Result<Frame, FrameError> {
+        if std::mem::take(&mut self.is_elsewhere) {
+            self.quiet = 0;
+        }
+        self.frame_or_less(wish)
     }
 
     /// Waits for something to do; `None` to stop.
@@ -305,11 +347,17 @@ impl<'a> Easel<'a> {
             if shared.stop {
                 return None;
             }
-            let is_restless = shared.wish.is_some() && self.quiet < QUIET_FRAMES;
-            if shared.is_new || is_restless || !shared.errands.is_empty() {
+            let is_turning = self.turntable.is_some();
+            // While a turntable is made, what the window wished for is drawn once, and refined afterwards.
+            let is_restless =
+                !is_turning && shared.wish.is_some() && (self.is_elsewhere || self.quiet < QUIET_FRAMES);
+            if shared.is_new || is_restless || is_turning || !shared.errands.is_empty() {
                 self.quiet = if shared.is_new { 0 } else { self.quiet };
-                // A pick needs no frame of its own.
-                let needs_frame = shared.is_new || is_restless || shared.errands.contains(&Errand::Exhaust);
+                // A pick needs no frame of its own, unless the last was none of the window's.
+                let needs_frame = shared.is_new
+                    || is_restless
+                    || self.is_elsewhere && !shared.errands.is_empty()
+                    || shared.errands.contains(&Errand::Exhaust);
                 shared.is_new = false;
                 let wish = shared.wish.clone().filter(|_| needs_frame);
                 return Some((wish, std::mem::take(&mut shared.errands)));
@@ -418,20 +466,28 @@ impl<'a> Easel<'a> {
         Ok(target)
     }
 
-    fn run(&mut self, errand: &Errand) -> Result<Option<Done>, FrameError> {
+    fn run(&mut self, errand: Errand) -> Result<Option<Done>, FrameError> {
         Ok(match errand {
             Errand::Pick { at, purpose } => {
-                let found = self.renderer.pick(*at)?;
-                Some(Done::Picked { purpose: *purpose, at: *at, found })
+                let found = self.renderer.pick(at)?;
+                Some(Done::Picked { purpose, at, found })
             }
-            Errand::Measure { at, is_full } => Some(match self.measure(*at, *is_full)? {
+            Errand::Measure { at, is_full } => Some(match self.measure(at, is_full)? {
                 Ok(measured) => Done::Measured(measured),
                 Err(error) => Done::NotMeasured(error.to_string()),
             }),
-            Errand::Save(path) => Some(match self.save(path) {
-                Ok(()) => Done::Saved(path.clone()),
+            Errand::Save(path) => Some(match self.save(&path) {
+                Ok(()) => Done::Saved(path),
                 Err(error) => Done::NotSaved(error.to_string()),
             }),
+            Errand::Turntable(_) if self.turntable.is_some() => {
+                Some(Done::NotSaved("pictures of a turntable are being saved; stop them first".to_owned()))
+            }
+            Errand::Turntable(asked) => {
+                self.turntable = Some(Running::new(*asked));
+                None
+            }
+            Errand::StopTurntable => self.turntable.take().map(|running| Done::Pictures(running.made())),
             Errand::Exhaust => None,
         })
     }

@@ -2,11 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Deserializer, Serialize};
 
+use super::layout::Arrangement;
 use super::measure::Units;
 use super::mouse::Preset;
 use crate::frame::{Settings as RenderSettings, Spending};
+use crate::scene::turntable::MOST_PICTURES;
 use crate::scene::views::UpAxis;
 use crate::stream::Strategy;
 use crate::whole_file::{folder_of, write_whole};
@@ -88,8 +91,56 @@ pub struct Settings {
     pub depth_cue: f32,
     /// Samples a pixel, 1 or 4.
     pub samples: u32,
+    /// Pictures of a turntable.
+    pub turntable_pictures: u32,
     /// Files that were opened last, the last first.
     pub recent: Vec<PathBuf>,
+    /// The window; nothing until there was one.
+    #[serde(deserialize_with = "if_understood")]
+    pub window: Option<WindowShape>,
+    /// Which panels are where; nothing for the first layout.
+    #[serde(deserialize_with = "if_understood")]
+    pub layout: Option<Arrangement>,
+}
+
+/// What is there, if it can be understood: nobody loses other settings for a layout of tomorrow.
+fn if_understood<'de, T: DeserializeOwned, D: Deserializer<'de>>(from: D) -> Result<Option<T>, D::Error> {
+    let value = serde_json::Value::deserialize(from)?;
+    Ok(serde_json::from_value(value).ok())
+}
+
+/// How large the window is, in points.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct WindowShape {
+    /// Where it does not fill the screen.
+    pub width: f32,
+    /// Likewise.
+    pub height: f32,
+    /// Whether it fills the screen.
+    pub is_maximised: bool,
+}
+
+impl Default for WindowShape {
+    fn default() -> Self {
+        Self { width: 1280.0, height: 800.0, is_maximised: false }
+    }
+}
+
+impl WindowShape {
+    /// What is to be remembered of a window of so many points that had this shape before: where it fills the screen, the
+    /// size that it will have when it does not any more.
+    pub fn after(self, [width, height]: [f32; 2], is_maximised: bool) -> Self {
+        let is_size = !is_maximised && width >= 1.0 && height >= 1.0;
+        let (width, height) = if is_size { (width, height) } else { (self.width, self.height) };
+        Self { width, height, is_maximised }.sane()
+    }
+
+    fn sane(self) -> Self {
+        let within = |side: f32, otherwise: f32| {
+            if side.is_finite() { side.clamp(320.0, 16_384.0) } else { otherwise }
+        };
+        Self { width: within(self.width, 1280.0), height: within(self.height, 800.0), ..self }
+    }
 }
 
 impl Default for Settings {
@@ -111,7 +162,10 @@ impl Default for Settings {
             read_rate: None,
             depth_cue: 0.6,
             samples: 4,
+            turntable_pictures: 72,
             recent: Vec::new(),
+            window: None,
+            layout: None,
         }
     }
 }
@@ -168,6 +222,8 @@ impl Settings {
             alpha: within(self.alpha, 1.0, 10.0, 3.0),
             depth_cue: within(self.depth_cue, 0.0, 2.0, 0.6),
             samples: if self.samples == 1 { 1 } else { 4 },
+            turntable_pictures: self.turntable_pictures.clamp(2, MOST_PICTURES),
+            window: self.window.map(WindowShape::sane),
             ..self
         }
     }
@@ -236,6 +292,7 @@ impl Store {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::viewer::layout::Layout;
 
     #[test]
     fn settings_come_back_as_they_were_saved() {
@@ -246,6 +303,8 @@ mod tests {
             theme: Theme::Dark,
             budget_vertices: 12_345,
             memory_bytes: Some(1 << 30),
+            window: Some(WindowShape { width: 900.5, height: 700.0, is_maximised: true }),
+            layout: Layout::default().arrangement(),
             ..Settings::default()
         };
         for name in ["/a", "/b", "/a"] {
@@ -270,5 +329,33 @@ mod tests {
         std::fs::write(&path, "{\"alpha\": 1e30, \"zoom\": -3, \"samples\": 7, \"of tomorrow\": 1}").unwrap();
         let settings = store.load().unwrap();
         assert_eq!((settings.alpha, settings.zoom, settings.samples), (10.0, 0.5, 4));
+    }
+
+    #[test]
+    fn a_layout_or_window_that_is_not_understood_costs_nothing_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let (store, path) = (Store::in_folder(folder.path()), folder.path().join("settings.json"));
+        for odd in
+            ["7", "null", "{}", "[1,2]", "{\"version\":9,\"shows_panels\":true,\"place\":{\"spiral\":3}}"]
+        {
+            let text = format!("{{\"alpha\": 4, \"layout\": {odd}, \"window\": {odd}}}");
+            std::fs::write(&path, text).unwrap();
+            let settings = store.load().unwrap();
+            assert_eq!((settings.alpha, settings.layout, settings.window), (4.0, None, None), "{odd}");
+        }
+        let text = "{\"window\": {\"width\": 1e9, \"height\": -3, \"is_maximised\": false}}";
+        std::fs::write(&path, text).unwrap();
+        let window = store.load().unwrap().window.unwrap();
+        assert_eq!((window.width, window.height), (16_384.0, 320.0));
+    }
+
+    #[test]
+    fn a_window_that_fills_the_screen_or_is_minimised_keeps_the_size_it_had() {
+        let shape = WindowShape::default().after([900.0, 600.0], false);
+        assert_eq!((shape.width, shape.height, shape.is_maximised), (900.0, 600.0, false));
+        let shape = shape.after([1920.0, 1080.0], true);
+        assert_eq!((shape.width, shape.height, shape.is_maximised), (900.0, 600.0, true));
+        let shape = shape.after([0.0, 0.0], false);
+        assert_eq!((shape.width, shape.height, shape.is_maximised), (900.0, 600.0, false));
     }
 }

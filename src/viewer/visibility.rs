@@ -99,7 +99,8 @@ pub struct Visibility {
     hidden: Counted,
     ghosts: Counted,
     selected: Counted,
-    hovered: Option<u32>,
+    /// The leaves under the pointer; empty for none.
+    hovered: Range<u32>,
     undo: VecDeque<(Deed, Change)>,
     redo: Vec<(Deed, Change)>,
     revision: u64,
@@ -117,7 +118,7 @@ impl Visibility {
             hidden: empty.clone(),
             ghosts: empty.clone(),
             selected: empty,
-            hovered: None,
+            hovered: 0..0,
             undo: VecDeque::new(),
             redo: Vec::new(),
             revision: 0,
@@ -144,9 +145,9 @@ impl Visibility {
         &self.selected.bits
     }
 
-    /// The leaf under the pointer.
-    pub fn hovered(&self) -> Option<u32> {
-        self.hovered
+    /// The leaf under the pointer, if it is one and not a group of them.
+    pub fn hovered_leaf(&self) -> Option<u32> {
+        (self.hovered.len() == 1).then_some(self.hovered.start)
     }
 
     /// The leaves of an item and of all below it, as a set.
@@ -252,8 +253,18 @@ impl Visibility {
     /// Points at the leaf of an instance, or at none.
     pub fn hover(&mut self, instance: Option<u32>) {
         let leaf = instance.and_then(|instance| self.assembly.leaf_of_instance(instance));
-        if leaf != self.hovered {
-            self.hovered = leaf;
+        self.hover_leaves(leaf.map_or(0..0, |leaf| leaf..leaf + 1));
+    }
+
+    /// Points at all leaves of an item, or at none.
+    pub fn hover_item(&mut self, item: Option<u32>) {
+        let leaves = item.map_or(0..0, |item| self.assembly.leaves_of(item));
+        self.hover_leaves(if leaves.is_empty() { 0..0 } else { leaves });
+    }
+
+    fn hover_leaves(&mut self, leaves: Range<u32>) {
+        if leaves != self.hovered {
+            self.hovered = leaves;
             self.revision += 1;
         }
     }
@@ -328,7 +339,7 @@ impl Visibility {
         when(self.hidden.bits.has(leaf), Look::HIDDEN)
             .with(when(self.ghosts.bits.has(leaf), Look::GHOST))
             .with(when(self.selected.bits.has(leaf), Look::SELECTED))
-            .with(when(self.hovered == Some(leaf), Look::HOVERED))
+            .with(when(self.hovered.contains(&leaf), Look::HOVERED))
     }
 }
 

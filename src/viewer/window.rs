@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use winit::application::ApplicationHandler;
+use winit::dpi::{LogicalSize, PhysicalSize};
 use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
 use winit::window::{Fullscreen, Window, WindowId};
@@ -13,7 +14,7 @@ use super::app::{App, Ask};
 use super::pace::Pace;
 use super::painter::Wake;
 use super::screen::{Layout, Screen};
-use super::settings::Store;
+use super::settings::{Store, WindowShape};
 use crate::gpu::GpuError;
 
 /// Why there is no window.
@@ -176,10 +177,13 @@ impl ApplicationHandler<News> for Shell {
 impl Shell {
     fn open_window(&self, event_loop: &ActiveEventLoop) -> Result<Shown, WindowError> {
         let mut attributes = Window::default_attributes().with_title("collapsar");
-        attributes = attributes.with_inner_size(match self.options.size {
-            Some((width, height)) => winit::dpi::Size::Physical((width, height).into()),
-            None => winit::dpi::Size::Logical((1280.0, 800.0).into()),
-        });
+        let shape = self.app.settings.window.unwrap_or_default();
+        attributes = match self.options.size {
+            Some((width, height)) => attributes.with_inner_size(PhysicalSize::new(width, height)),
+            None => attributes
+                .with_inner_size(LogicalSize::new(shape.width, shape.height))
+                .with_maximized(shape.is_maximised),
+        };
         let window =
             event_loop.create_window(attributes).map_err(|error| WindowError::NoDisplay(in_words(&error)))?;
         let window = Arc::new(window);
@@ -218,11 +222,23 @@ impl Shell {
 
     fn end(&mut self, event_loop: &ActiveEventLoop, failed: Option<WindowError>) {
         self.failed = self.failed.take().or(failed);
+        self.remember_window();
         if let Some(shown) = self.shown.take() {
             self.summary.surfaces_lost += shown.screen.surfaces_lost;
         }
         self.app.document = None;
         event_loop.exit();
+    }
+
+    /// Keeps the window's size for the next time, unless it was asked for by the command or fills the screen for now.
+    fn remember_window(&mut self) {
+        let Some(Shown { window, .. }) = &self.shown else { return };
+        if self.options.size.is_some() || window.fullscreen().is_some() {
+            return;
+        }
+        let size: LogicalSize<f32> = window.inner_size().to_logical(window.scale_factor());
+        let before: WindowShape = self.app.settings.window.unwrap_or_default();
+        self.app.settings.window = Some(before.after([size.width, size.height], window.is_maximized()));
     }
 
     /// One turn: news, layout, picture.

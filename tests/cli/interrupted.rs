@@ -118,6 +118,33 @@ fn an_interrupted_export_leaves_nothing() {
 }
 
 #[test]
+fn an_interrupted_turntable_keeps_whole_pictures() {
+    if !has_gpu("cli::interrupted::an_interrupted_turntable_keeps_whole_pictures") {
+        return;
+    }
+    let place = Workplace::new();
+    place.write("box.obj", obj(&[patched_box(4)]));
+    place.bake("box.obj", "box.clps");
+    let shot = ["shot", "box.clps", "--turntable", "10000", "--size", "64x48", "-o", "turn.png"];
+    let child = place.command(&shot).spawn().unwrap();
+    let started = Instant::now();
+    while !place.path("turn-002.png").is_file() {
+        assert!(started.elapsed() < PATIENCE, "no pictures come");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    interrupt(&child);
+    let outcome = Outcome::of(&child.wait_with_output().unwrap());
+    outcome.failed_with(130, &["interrupted; pictures that are written stay"]);
+    let pictures: Vec<String> =
+        names(&place.path("")).into_iter().filter(|name| !name.starts_with("box.")).collect();
+    assert!((3..10_000).contains(&pictures.len()), "{}", pictures.len());
+    for (number, name) in pictures.iter().enumerate() {
+        assert_eq!(*name, format!("turn-{number:03}.png"));
+        assert_eq!(image::open(place.path(name)).unwrap().to_rgb8().dimensions(), (64, 48));
+    }
+}
+
+#[test]
 fn an_interrupted_flight_writes_no_numbers() {
     if !has_gpu("cli::interrupted::an_interrupted_flight_writes_no_numbers") {
         return;

@@ -1,6 +1,6 @@
 //! `shot`: pictures from every side, cut and coloured, and what it cannot be asked for; `view` without a display.
 
-use crate::workplace::{Workplace, has_gpu};
+use crate::workplace::{Workplace, has_gpu, names};
 
 const CUBE: &str = "o cube\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 1 1\nv 1 1 1\n\
     f 1 3 2\nf 2 3 4\nf 5 6 7\nf 6 8 7\nf 1 2 5\nf 2 6 5\nf 3 7 4\nf 4 7 8\nf 1 5 3\nf 3 5 7\nf 2 4 6\nf 4 8 6\n\
@@ -46,6 +46,46 @@ fn a_model_is_baked_beside_itself_and_shown_from_every_side() {
         assert!(difference(&workplace, "iso.png", picture) > 20, "{arguments:?} changed nothing");
     }
     assert_eq!(workplace.read("cube.obj.clps"), baked, "an unchanged model was baked again");
+}
+
+#[test]
+fn a_turntable_goes_once_round() {
+    if !has_gpu("a_turntable_goes_once_round") {
+        return;
+    }
+    let workplace = Workplace::new();
+    workplace.write("cube.obj", CUBE);
+    workplace.bake("cube.obj", "cube.clps");
+    let shot = ["shot", "cube.clps", "--size", "96x64", "--colour-by", "part", "--parallel"];
+    let turntable = [&shot[..], &["--turntable", "4", "--view", "front", "-o", "turn.png"]].concat();
+    let outcome = workplace.run(&turntable).succeeded();
+    assert!(
+        outcome.out.starts_with("4 pictures, ") && outcome.out.ends_with("turn-003.png\n"),
+        "{outcome:?}"
+    );
+    let pictures = ["turn-000.png", "turn-001.png", "turn-002.png", "turn-003.png"];
+    assert_eq!(names(&workplace.path("")), [&["cube.clps", "cube.obj"][..], &pictures].concat());
+    for picture in pictures {
+        assert_eq!(size_of(&workplace, picture), (96, 64));
+    }
+    // The longest side fills the picture; from the side the model is as large, and so smaller in it.
+    let front = [&shot[..], &["--view", "front", "-o", "front.png"]].concat();
+    workplace.run(&front).succeeded();
+    assert_eq!(difference(&workplace, "front.png", "turn-000.png"), 0);
+    for (a, b) in [(0, 1), (1, 2), (2, 3), (3, 0), (0, 2)] {
+        let [a, b] = [a, b].map(|i: usize| pictures[i]);
+        assert!(difference(&workplace, a, b) > 20, "{a} and {b} are the same");
+    }
+    // Nowhere does the model leave the picture.
+    for picture in pictures {
+        let picture = image::open(workplace.path(picture)).unwrap().to_rgb8();
+        let corner = *picture.get_pixel(0, 32);
+        let is_background =
+            |x: u32, y: u32| (0..3).all(|c| picture.get_pixel(x, y)[c].abs_diff(corner[c]) < 40);
+        assert!((20..44).all(|y| is_background(0, y) && is_background(95, y)));
+    }
+    workplace.refuses(&["shot", "cube.clps", "--turntable", "0", "-o", "a.png"], &["turntable"]);
+    workplace.fails(&["shot", "cube.clps", "--turntable", "3", "-o", "nowhere/a.png"], &["nowhere"]);
 }
 
 #[test]

@@ -2,6 +2,8 @@
 #![allow(dead_code, reason = "each test uses some of it")]
 #![allow(clippy::unwrap_used, reason = "a test that cannot set up its scene should fail loudly")]
 
+pub mod metric;
+
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
@@ -236,8 +238,13 @@ pub fn placed_in_a_row(mesh: &SourceMesh, count: u32, apart: f64, start: DVec3) 
         materials: vec![Material::default()],
         notes: Vec::new(),
     };
+    baked_model(model)
+}
+
+/// Bakes a model and opens the container.
+pub fn baked_model(model: Model) -> Arc<Scene> {
     let folder = tempfile::tempdir().unwrap();
-    let container = folder.path().join("row.clps");
+    let container = folder.path().join("model.clps");
     let (options, progress) = (BakeOptions::default(), BakeProgress::default());
     bake_source(&Loaded::new(model), &container, &options, &progress).unwrap();
     Arc::new(Scene::open(&container).unwrap())

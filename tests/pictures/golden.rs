@@ -11,7 +11,7 @@ use glam::DQuat;
 use image::RgbImage;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 
-use crate::metric::{Difference, Tolerance, enlarged};
+use crate::common::metric::{Difference, Tolerance, enlarged};
 use crate::subjects::{BRACKET, BUNDLED, Shot, Subject};
 use crate::{gpu, save};
 

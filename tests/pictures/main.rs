@@ -1,6 +1,6 @@
 //! What is drawn of a container, against its input drawn directly, and against golden pictures.
 //!
-//! [`direct`] draws what was imported, [`subjects`] bakes and renders it, [`metric`] says how alike two pictures are.
+//! [`direct`] draws what was imported, [`subjects`] bakes and renders it, [`common::metric`] says how alike two pictures are.
 //! Pictures and the report go to `target/pictures`; `COLLAPSAR_BLESS=1` writes the golden pictures anew.
 
 #![expect(clippy::unwrap_used, reason = "a test may end where its set-up fails")]
@@ -10,7 +10,6 @@ mod against_input;
 mod common;
 mod direct;
 mod golden;
-mod metric;
 mod subjects;
 mod workbench;
 

@@ -53,6 +53,12 @@ impl Section {
         self.normal.dot(point - self.point)
     }
 
+    /// Whether any of a box is cut off. What a rounding error of the box's size would take is not.
+    pub fn cuts(&self, bounds: &Bounds) -> bool {
+        let nearest = self.distance(bounds.centre()) - 0.5 * bounds.extent().dot(self.normal.abs());
+        nearest < -1e-9 * bounds.scale()
+    }
+
     /// The six planes that keep what is inside a box.
     pub fn inside(bounds: &Bounds) -> [Self; 6] {
         std::array::from_fn(|side| {

@@ -4,7 +4,6 @@
 //! neither place nor direction has a kink there. `fly` goes straight between keys; a path that is to look the same
 //! there is saved with a key for every frame.
 
-use std::f64::consts::TAU;
 use std::path::Path;
 
 use glam::{DQuat, DVec3};
@@ -13,7 +12,7 @@ use super::{BookmarkError, keyframe_of, write_json};
 use crate::scene::Camera;
 use crate::scene::camera::{Parallel, orientation};
 use crate::scene::camera_path::{Keyframe, Keyframes};
-use crate::viewer::navigation::motions::turn_about;
+use crate::scene::turntable::turned;
 
 /// How many frames lie between two keys that are recorded one after another: two seconds of 30 frames.
 pub const DEFAULT_SPACING: u64 = 60;
@@ -151,10 +150,8 @@ impl Recorder {
 pub fn turntable(camera: &Camera, pivot: DVec3, up: DVec3, frames: u64) -> Recorder {
     let frames = frames.clamp(1, MAX_FRAMES);
     let distance = super::target_distance(camera, pivot);
-    let key = |frame: u64| {
-        let rotation = DQuat::from_axis_angle(up, TAU * frame as f64 / frames as f64);
-        keyframe_of(&turn_about(camera, pivot, rotation), frame, distance)
-    };
+    let key =
+        |frame: u64| keyframe_of(&turned(camera, pivot, up, frame as f64 / frames as f64), frame, distance);
     Recorder { keys: (0..frames).map(key).collect() }
 }
 

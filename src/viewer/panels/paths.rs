@@ -16,6 +16,8 @@ pub enum Want {
     SaveWindow,
     /// A turntable path, to be written.
     SaveTurntable,
+    /// Pictures of a turntable, to be written into a folder.
+    SaveTurntablePictures,
     /// A recorded path, to be written.
     SavePath,
     /// A path, to be read.
@@ -29,6 +31,7 @@ impl Want {
             Self::SavePicture => "Save the picture",
             Self::SaveWindow => "Save a picture of the window",
             Self::SaveTurntable => "Save a turntable path for `collapsar fly --path`",
+            Self::SaveTurntablePictures => "Save turntable pictures in a folder",
             Self::LoadPath => "Load a path",
             Self::SavePath => "Save the recorded path for `collapsar fly --path`",
         }
@@ -37,7 +40,7 @@ impl Want {
     fn extensions(self) -> &'static [&'static str] {
         match self {
             Self::Open => &["clps", "glb", "gltf", "obj", "ply", "stl", "zst", "gz"],
-            Self::SavePicture | Self::SaveWindow => &["png"],
+            Self::SavePicture | Self::SaveWindow | Self::SaveTurntablePictures => &["png"],
             Self::SaveTurntable | Self::SavePath | Self::LoadPath => &["json"],
         }
     }
@@ -45,12 +48,18 @@ impl Want {
     fn is_open(self) -> bool {
         matches!(self, Self::Open | Self::LoadPath)
     }
+
+    fn is_folder(self) -> bool {
+        self == Self::SaveTurntablePictures
+    }
 }
 
 /// A dialog that is open.
 pub struct PathDialog {
     want: Want,
     text: String,
+    /// How many pictures are wanted, where that is asked.
+    pub pictures: u32,
     /// The system's dialog, while it is open beside this one.
     system: Option<Receiver<Option<PathBuf>>>,
 }
@@ -67,7 +76,7 @@ pub enum Ended {
 impl PathDialog {
     /// Asks for a file; `first` is what stands in the field.
     pub fn new(want: Want, first: &Path) -> Self {
-        Self { want, text: first.display().to_string(), system: None }
+        Self { want, text: first.display().to_string(), pictures: 72, system: None }
     }
 
     /// Shows it; says how it ended once it has.
@@ -83,13 +92,16 @@ impl PathDialog {
     fn contents(&mut self, ui: &mut Ui, recent: &[PathBuf]) -> Option<PathBuf> {
         ui.set_width(520.0);
         ui.heading(self.want.title());
-        let label = ui.label("File");
+        let label = ui.label(if self.want.is_folder() { "Folder" } else { "File" });
         let field = TextEdit::singleline(&mut self.text).desired_width(f32::INFINITY).hint_text("a path");
         let field = ui.add(field).labelled_by(label.id);
         if !field.lost_focus() {
             field.request_focus();
         }
         let mut chosen = None;
+        if self.want == Want::SaveTurntablePictures {
+            self.picture_counts(ui);
+        }
         ui.horizontal(|ui| {
             let name = if self.want.is_open() { "Open" } else { "Save" };
             let is_typed = !self.text.trim().is_empty();
@@ -116,6 +128,16 @@ impl PathDialog {
         chosen
     }
 
+    fn picture_counts(&mut self, ui: &mut Ui) {
+        ui.horizontal(|ui| {
+            ui.label("Pictures");
+            for count in [36, 72, 120, 180, 360] {
+                ui.selectable_value(&mut self.pictures, count, count.to_string());
+            }
+            ui.weak(format!("one every {:.3} degrees", 360.0 / f64::from(self.pictures.max(1))));
+        });
+    }
+
     /// Opens the system's dialog on a thread of its own, for it waits.
     fn browse(&mut self, context: egui::Context) {
         let (sender, receiver) = channel();
@@ -126,9 +148,10 @@ impl PathDialog {
             if let Some(folder) = start.parent().filter(|folder| folder.is_dir()) {
                 dialog = dialog.set_directory(folder);
             }
-            let chosen = match want.is_open() {
-                true => dialog.pick_file(),
-                false => {
+            let chosen = match (want.is_folder(), want.is_open()) {
+                (true, _) => dialog.pick_folder(),
+                (_, true) => dialog.pick_file(),
+                (_, false) => {
                     dialog.set_file_name(start.file_name().unwrap_or_default().to_string_lossy()).save_file()
                 }
             };

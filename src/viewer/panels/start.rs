@@ -9,6 +9,7 @@ use super::picture::Tool;
 use crate::gpu::Gpu;
 use crate::stats::report::human;
 use crate::viewer::document::Document;
+use crate::viewer::painter::turntable::Progress;
 
 /// What the user wants to open.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -44,6 +45,17 @@ pub fn show(ui: &mut Ui, recent: &[PathBuf], is_loading: bool) -> Option<Chosen>
         });
     });
     chosen
+}
+
+/// How far the pictures of a turntable are, with a way to stop, while they are made.
+pub fn turntable(ui: &mut Ui, document: &Document) {
+    let Some(Progress { done, of }) = document.turntable() else { return };
+    ui.label(format!("Turntable: {done} of {of} pictures"));
+    ui.add(egui::ProgressBar::new(done as f32 / of.max(1) as f32).desired_width(120.0));
+    if ui.button("Stop").on_hover_text("What is written stays").clicked() {
+        document.stop_turntable();
+    }
+    ui.separator();
 }
 
 /// One line about the newest frame.

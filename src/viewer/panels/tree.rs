@@ -98,6 +98,8 @@ pub struct TreePanel {
     /// What was in sight in the last frame, in points from the first row's top.
     offset: f32,
     height: f32,
+    /// The item whose row is under the pointer.
+    pointed: Option<u32>,
 }
 
 impl TreePanel {
@@ -124,6 +126,12 @@ impl TreePanel {
             let item = tree.rows()[row];
             (self.cursor, self.anchor, self.scroll_to) = (Some(item), Some(item), Some(item));
         }
+    }
+
+    /// The item whose row was under the pointer when the panel was drawn since the last call; asked for once a frame, it is
+    /// none where the panel is not in sight.
+    pub fn take_pointed(&mut self) -> Option<u32> {
+        self.pointed.take()
     }
 
     /// Draws the panel into all of the room there is, and tells what the user did.
@@ -210,6 +218,7 @@ impl TreePanel {
         if background.has_focus() {
             self.keys(ui, list, model, events);
         }
+        self.pointed = None;
         let scroll = self.scroll_area(model.tree);
         let deeds = ui.scope(|ui| {
             ui.spacing_mut().item_spacing = Vec2::new(4.0, 0.0);
@@ -217,7 +226,9 @@ impl TreePanel {
                 let rows = model.tree.rows().get(rows).unwrap_or_default();
                 let deeds = rows.iter().filter_map(|&item| {
                     let is_cursor = background.has_focus() && self.cursor == Some(item);
-                    row::show(ui, list, model, item, is_cursor).map(|deed| (item, deed))
+                    let shown = row::show(ui, list, model, item, is_cursor);
+                    self.pointed = self.pointed.or(shown.is_pointed_at.then_some(item));
+                    shown.deed.map(|deed| (item, deed))
                 });
                 deeds.collect::<Vec<_>>()
             });

@@ -11,6 +11,7 @@ enum Step {
     Select,
     Invert,
     Hover,
+    HoverItem,
     Undo,
     Redo,
 }
@@ -23,6 +24,7 @@ fn step() -> impl Strategy<Value = Step> {
         2 => Just(Step::Select),
         1 => Just(Step::Invert),
         1 => Just(Step::Hover),
+        1 => Just(Step::HoverItem),
         3 => Just(Step::Undo),
         2 => Just(Step::Redo),
     ]
@@ -56,7 +58,9 @@ impl Naive {
                 let is_chosen = look & (Look::SELECTED.0 | Look::HIDDEN.0) == 0;
                 mark(look, Look::SELECTED, is_chosen)
             }),
-            Step::Hover => self.each(|instance, look| mark(look, Look::HOVERED, chosen(instance))),
+            Step::Hover | Step::HoverItem => {
+                self.each(|instance, look| mark(look, Look::HOVERED, chosen(instance)))
+            }
             Step::Undo => {
                 let Some(before) = self.undo.pop() else { return };
                 self.each(|instance, look| look & !LASTING | before[instance]);
@@ -92,7 +96,7 @@ fn after(deed: Deed, look: u32, is_chosen: bool) -> u32 {
     }
 }
 
-fn apply(visibility: &mut Visibility, step: Step, leaves: &Bits, hovered: Option<u32>) {
+fn apply(visibility: &mut Visibility, step: Step, leaves: &Bits, (hovered, item): (Option<u32>, u32)) {
     match step {
         Step::Do(Deed::Hide) => visibility.hide(leaves),
         Step::Do(Deed::Show) => visibility.show(leaves),
@@ -104,6 +108,7 @@ fn apply(visibility: &mut Visibility, step: Step, leaves: &Bits, hovered: Option
         Step::Select => visibility.select(leaves.clone()),
         Step::Invert => visibility.invert_selection(),
         Step::Hover => visibility.hover(hovered),
+        Step::HoverItem => visibility.hover_item(Some(item)),
         Step::Undo => _ = visibility.undo(),
         Step::Redo => _ = visibility.redo(),
     }
@@ -138,7 +143,7 @@ proptest! {
             };
             let (before, revision) = (naive.looks.clone(), visibility.revision());
             naive.apply(step, &|instance| chosen.contains(&(instance as u32)));
-            apply(&mut visibility, step, &leaves, chosen.last().copied());
+            apply(&mut visibility, step, &leaves, (chosen.last().copied(), item));
             prop_assert_eq!(naive.looks == before, visibility.revision() == revision, "{:?}", step);
 
             visibility.looks(&[], &mut looks);

@@ -32,20 +32,24 @@ pub(super) enum RowDeed {
     Event(TreeEvent),
 }
 
+/// What came of a row.
+pub(super) struct Shown {
+    pub deed: Option<RowDeed>,
+    /// Whether the pointer is over it, and not busy elsewhere.
+    pub is_pointed_at: bool,
+}
+
 /// Draws one row below the last.
-pub(super) fn show(
-    ui: &mut Ui,
-    list: Id,
-    model: &TreeModel<'_>,
-    item: u32,
-    is_cursor: bool,
-) -> Option<RowDeed> {
+pub(super) fn show(ui: &mut Ui, list: Id, model: &TreeModel<'_>, item: u32, is_cursor: bool) -> Shown {
     let (_, rect) = ui.allocate_space(Vec2::new(ui.available_width(), ROW_HEIGHT));
     let name = model.name(item);
     let row = ui.interact(rect, list.with(("row", item)), Sense::CLICK);
     let share = model.visibility.selected_share(item);
     row.widget_info(|| WidgetInfo::selected(Role::TreeItem, true, share == Share::All, &name));
-    paint_background(ui, &row, share, is_cursor);
+    let is_pointed_at = row.hovered() || ui.rect_contains_pointer(rect) && !ui.ctx().egui_is_using_pointer();
+    let leaf = model.tree.assembly().leaf_of_item(item);
+    let is_hovered = is_pointed_at || leaf.is_some() && leaf == model.visibility.hovered_leaf();
+    paint_background(ui, row.rect, share, (is_hovered, is_cursor));
 
     let eye = Rect::from_min_size(rect.min, Vec2::new(ICON, ROW_HEIGHT));
     let indent = (model.tree.assembly().depth(item) as f32 * INDENT).min(rect.width() * MOST_INDENT);
@@ -57,7 +61,7 @@ pub(super) fn show(
     let mut from_menu = None;
     row.context_menu(|ui| from_menu = menu::show(ui, model, item));
     let row = row.on_hover_ui(|ui| _ = ui.label(summary(model, item, &name)));
-    from_menu.or_else(|| deed(ui, &row, eye, arrow))
+    Shown { deed: from_menu.or_else(|| deed(ui, &row, eye, arrow)), is_pointed_at }
 }
 
 fn deed(ui: &Ui, row: &Response, eye: bool, arrow: bool) -> Option<RowDeed> {
@@ -76,18 +80,22 @@ fn deed(ui: &Ui, row: &Response, eye: bool, arrow: bool) -> Option<RowDeed> {
     }
 }
 
-fn paint_background(ui: &Ui, row: &Response, share: Share, is_cursor: bool) {
+fn paint_background(ui: &Ui, rect: Rect, share: Share, (is_hovered, is_cursor): (bool, bool)) {
     let visuals = ui.visuals();
     let fill = match share {
         Share::All => visuals.selection.bg_fill,
+        _ if is_hovered => visuals.widgets.hovered.weak_bg_fill,
         Share::Some => visuals.selection.bg_fill.gamma_multiply(0.25),
-        Share::None if row.hovered() => visuals.widgets.hovered.weak_bg_fill,
         Share::None => Color32::TRANSPARENT,
     };
-    ui.painter().rect_filled(row.rect, 2.0, fill);
+    ui.painter().rect_filled(rect, 2.0, fill);
+    if is_hovered && share == Share::All {
+        let stroke = Stroke::new(1.0, visuals.widgets.hovered.bg_stroke.color);
+        ui.painter().rect_stroke(rect, 2.0, stroke, egui::StrokeKind::Inside);
+    }
     if is_cursor {
         let stroke = Stroke::new(1.0, visuals.selection.stroke.color);
-        ui.painter().rect_stroke(row.rect, 2.0, stroke, egui::StrokeKind::Inside);
+        ui.painter().rect_stroke(rect, 2.0, stroke, egui::StrokeKind::Inside);
     }
 }
 

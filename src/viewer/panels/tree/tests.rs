@@ -173,6 +173,42 @@ fn clicks_select_add_take_away_and_span() {
     assert_eq!(harness.get_by_label("bell").accesskit_node().toggled(), Some(Toggled::False));
 }
 
+/// Rows that are painted as if the pointer were over them.
+fn marked_rows(harness: &Harness<'_, App>) -> Vec<egui::Rect> {
+    let marked = harness.ctx.global_style().visuals.widgets.hovered.weak_bg_fill;
+    let rows = harness.output().shapes.iter().filter_map(|clipped| match &clipped.shape {
+        egui::Shape::Rect(rect) if rect.fill == marked && rect.rect.height() == ROW_HEIGHT => Some(rect.rect),
+        _ => None,
+    });
+    rows.collect()
+}
+
+#[test]
+fn the_row_under_the_pointer_is_told_and_that_of_what_is_under_it_elsewhere_is_marked() {
+    let mut harness = harness();
+    click(&mut harness, "expand body");
+    let place = |harness: &Harness<'_, App>, label: &str| harness.get_by_label(label).rect();
+    for label in ["roof", "wheels", "show roof", "expand wheels"] {
+        let at = place(&harness, label).center();
+        harness.event(egui::Event::PointerMoved(at));
+        harness.run();
+        let app = harness.state_mut();
+        let name = app.panel.take_pointed().map(|item| app.raw.item(app.tree.assembly(), item));
+        assert!(name.as_ref().is_some_and(|name| label.ends_with(name)), "{label}: {name:?}");
+        assert_eq!(harness.state_mut().panel.take_pointed(), None, "it is told once a frame");
+        assert_eq!(marked_rows(&harness).len(), 1, "{label}");
+    }
+    harness.event(egui::Event::PointerGone);
+    harness.run();
+    assert_eq!(harness.state_mut().panel.take_pointed(), None);
+    assert!(marked_rows(&harness).is_empty());
+    for (instance, rows) in [(Some(1), vec![place(&harness, "door")]), (Some(3), vec![]), (None, vec![])] {
+        harness.state_mut().visibility.hover(instance);
+        harness.run();
+        assert_eq!(marked_rows(&harness), rows, "{instance:?}");
+    }
+}
+
 #[test]
 fn a_double_click_fits() {
     // Two clicks that follow each other faster than the frames of other tests.
@@ -379,6 +415,17 @@ fn measure_visibility(assembly: Arc<Assembly>) {
         time(|| {
             visibility.hide(&scattered);
             visibility.show(&scattered)
+        }) / 2.0,
+        10.0,
+    );
+    let mut looks = Vec::new();
+    check(
+        "point at everything and at nothing, and the looks for it",
+        time(|| {
+            for item in [Some(0), None] {
+                visibility.hover_item(item);
+                visibility.looks(&[], &mut looks);
+            }
         }) / 2.0,
         10.0,
     );

@@ -30,6 +30,10 @@ pub struct Tolerance {
     pub worst_tile: f64,
 }
 
+/// At full budget the picture is that of the input. The worst that was measured (software Vulkan, seven models):
+/// score 0.9996, mean 0.044, worst tile 1.6, all three where vertex colours are rounded to 16 bits.
+pub const SAME: Tolerance = Tolerance { score: 0.998, mean: 0.15, worst_tile: 4.0 };
+
 impl Difference {
     /// Compares two pictures of the same size.
     pub fn between(a: &RgbImage, b: &RgbImage) -> Self {

@@ -1,0 +1,156 @@
+//! What do section planes cost where nothing else changes?
+//!
+//! Makes a field of spheres in memory, of a million triangles in all, and draws it at rest, so that a frame is its draw pass
+//! alone: without planes, with one, and with six. The planes lie beside the model; or they reach into its box and cut nothing,
+//! so that equal pixels are drawn; or each takes the same half, so that one and six draw equal pixels. The ways alternate.
+//!
+//! Printed: median milliseconds of a draw, and the quotients within the run.
+//!
+//! The expected answer: six cost at most a tenth more than none.
+//!
+//! `cargo bench --bench sections -- [SAMPLES]`
+
+#![allow(clippy::unwrap_used, reason = "a benchmark that cannot run should stop")]
+
+use std::sync::Arc;
+
+use collapsar::bake::{BakeOptions, BakeProgress, Loaded, bake_source};
+use collapsar::frame::{Renderer, Settings};
+use collapsar::gpu::{Gpu, GpuOptions};
+use collapsar::import::{Instance, Material, Model, Node, SourceMesh};
+use collapsar::passes::draw::{Section, Style};
+use collapsar::scene::views::{self, Projection, StandardView, UpAxis};
+use collapsar::scene::{Camera, Scene};
+use glam::{DAffine3, DVec3};
+
+const RUNS: usize = 21;
+/// Spheres along each side of the field.
+const SIDE: u32 = 20;
+
+/// A closed sphere of radius 1.
+fn sphere(rings: u32, segments: u32) -> SourceMesh {
+    let mut mesh = SourceMesh { name: "sphere".into(), ..SourceMesh::default() };
+    for (ring, segment) in (0..=rings).flat_map(|ring| (0..segments).map(move |segment| (ring, segment))) {
+        let (theta, phi) = (
+            std::f32::consts::PI * ring as f32 / rings as f32,
+            std::f32::consts::TAU * segment as f32 / segments as f32,
+        );
+        mesh.positions.push([theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()]);
+    }
+    mesh.normals = mesh.positions.clone();
+    for (ring, segment) in (0..rings).flat_map(|ring| (0..segments).map(move |segment| (ring, segment))) {
+        let at = |ring: u32, segment: u32| ring * segments + segment % segments;
+        mesh.triangles.push([at(ring, segment), at(ring + 1, segment), at(ring, segment + 1)]);
+        mesh.triangles.push([at(ring, segment + 1), at(ring + 1, segment), at(ring + 1, segment + 1)]);
+    }
+    mesh
+}
+
+fn field() -> Arc<Scene> {
+    let place = |i: u32| Instance {
+        mesh: 0,
+        node: 0,
+        material: 0,
+        world_from_part: DAffine3::from_translation(
+            DVec3::new(f64::from(i % SIDE), f64::from(i / SIDE), 0.0) * 2.1,
+        ),
+    };
+    let model = Model {
+        meshes: vec![sphere(28, 45)],
+        instances: (0..SIDE * SIDE).map(place).collect(),
+        nodes: vec![Node { name: "field".into(), parent: None }],
+        materials: vec![Material::default()],
+        notes: Vec::new(),
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let container = folder.path().join("field.clps");
+    bake_source(&Loaded::new(model), &container, &BakeOptions::default(), &BakeProgress::default()).unwrap();
+    Arc::new(Scene::open(&container).unwrap())
+}
+
+/// What planes do to the field.
+#[derive(Clone, Copy, PartialEq)]
+enum Cut {
+    /// They are beside it.
+    Beside,
+    /// They reach into its box, past all spheres.
+    Grazing,
+    /// Each takes the front half.
+    Half,
+}
+
+fn planes(count: usize, cut: Cut) -> Vec<Section> {
+    let far = f64::from(SIDE - 1) * 2.1;
+    let corner = DVec3::Z;
+    let edge = |i: usize| {
+        let outward = [DVec3::NEG_X, DVec3::X, DVec3::NEG_Y, DVec3::Y][i % 4]
+            + if i < 4 { DVec3::Z } else { DVec3::NEG_Z };
+        let middle = DVec3::new(if i % 4 == 1 { far } else { 0.0 }, if i % 4 == 3 { far } else { 0.0 }, 0.0);
+        Section { point: middle + outward.normalize() * 1.1, normal: -outward.normalize() }
+    };
+    let section = |i: usize| match cut {
+        Cut::Beside => Section { point: corner * (3.0 + i as f64), normal: DVec3::NEG_Z },
+        Cut::Grazing => edge(i),
+        Cut::Half => Section { point: DVec3::ZERO, normal: DVec3::NEG_Z },
+    };
+    (0..count).map(section).collect()
+}
+
+fn median(mut times: Vec<f64>) -> f64 {
+    times.sort_by(f64::total_cmp);
+    times[times.len() / 2]
+}
+
+/// Median milliseconds of a draw for each style, drawn in turns.
+fn measure(renderer: &mut Renderer, camera: &Camera, styles: &[Style]) -> Vec<f64> {
+    let mut times = vec![Vec::new(); styles.len()];
+    for run in 0..RUNS {
+        for (style, times) in styles.iter().zip(&mut times) {
+            renderer.set_style(style.clone());
+            // The first makes pipelines.
+            let record = renderer.frame(camera).unwrap();
+            assert_eq!(record.compute_passes, 0, "at rest nothing but the draw pass runs");
+            if run > 0 {
+                times.push(record.draw_ms);
+            }
+        }
+    }
+    times.into_iter().map(median).collect()
+}
+
+fn main() {
+    let named = std::env::args().skip(1).find_map(|argument| argument.parse().ok());
+    let gpu = Arc::new(Gpu::new(&GpuOptions::default()).unwrap());
+    println!("GPU: {}", gpu.adapter_info.name);
+    let scene = field();
+    let orientation = StandardView::Front.orientation(UpAxis::Y);
+    let camera = views::fit(scene.bounds(), scene.bounds(), orientation, Projection::default(), 1.0);
+    for samples in named.map_or(vec![1, 4], |samples| vec![samples]) {
+        let settings = Settings {
+            budget_vertices: 2_000_000,
+            width: 800,
+            height: 800,
+            samples,
+            time_stages: false,
+            ..Settings::default()
+        };
+        let mut renderer = Renderer::new(Arc::clone(&gpu), Arc::clone(&scene), settings).unwrap();
+        let record = (0..8).map(|_| renderer.frame(&camera).unwrap()).last().unwrap();
+        println!("{samples} samples a pixel, {} triangles", record.active_triangles);
+        for (cut, what) in [
+            (Cut::Beside, "beside the model"),
+            (Cut::Grazing, "nothing is cut"),
+            (Cut::Half, "half is cut away"),
+        ] {
+            let styles = [0, 1, 6].map(|count| Style { sections: planes(count, cut), ..Style::default() });
+            let times = measure(&mut renderer, &camera, &styles);
+            let [none, one, six] = [times[0], times[1], times[2]];
+            println!(
+                "  {what:<18} none {none:8.2} ms   one {one:8.2} ms   six {six:8.2} ms   one/none {:.3}   six/none {:.3}   six/one {:.3}",
+                one / none,
+                six / none,
+                six / one
+            );
+        }
+    }
+}

@@ -178,6 +178,10 @@ struct EdgedCorner {
 
 @vertex
 fn edged_vertex(@builtin(vertex_index) index: u32) -> EdgedCorner {
+    return edged_corner(index);
+}
+
+fn edged_corner(index: u32) -> EdgedCorner {
     let corner = placed(active_vertices[corner_vertices[index]]);
     let flags = triangles[index / 3u].y >> 16u;
     let k = index % 3u;
@@ -227,20 +231,25 @@ fn ghost_samples(pixel: vec2<f32>) -> u32 {
     return select(0u, 1u, ((at.x | at.y) & 1u) == 0u);
 }
 
+// The colour of a surface, or that of the cut face through which it is seen from within.
+fn capped(corner: Corner, front: bool, surface: vec4<f32>) -> vec4<f32> {
+    if frame.section_count == 0u || !is_seen_from_within(corner.look, front) {
+        return surface;
+    }
+    let to_eye = to_eye_from(corner.relative);
+    let entry = entry_before(corner.relative, to_eye);
+    if entry.section == NO_ENTRY {
+        return surface;
+    }
+    let face = light(hatched(corner.colour, corner.clip.xy), -frame.sections[entry.section].xyz, to_eye);
+    return vec4<f32>(shoulder(face), 1.0);
+}
+
 // What is cut, or a ghost.
 fn cut(corner: Corner, front: bool, surface: vec4<f32>, kept: u32) -> CutPixel {
-    let pixel = corner.clip.xy;
-    var result = CutPixel(surface, kept);
-    let to_eye = to_eye_from(corner.relative);
-    if frame.section_count > 0u && is_seen_from_within(corner.look, front) {
-        let entry = entry_before(corner.relative, to_eye);
-        if entry.section != NO_ENTRY {
-            let face = light(hatched(corner.colour, pixel), -frame.sections[entry.section].xyz, to_eye);
-            result.colour = vec4<f32>(shoulder(face), 1.0);
-        }
-    }
+    var result = CutPixel(capped(corner, front, surface), kept);
     if (corner.look & LOOK_GHOST) != 0u {
-        result.samples &= ghost_samples(pixel);
+        result.samples &= ghost_samples(corner.clip.xy);
     }
     return result;
 }
@@ -256,15 +265,22 @@ fn edged_cut_fragment(corner: EdgedCorner, @builtin(front_facing) front: bool) -
     let kept = kept_samples(corner.relative);
     let surface = shaded(corner.relative, corner.normal, corner.colour);
     let cover = line_cover(corner.place, corner.lines);
-    let plain = Corner(
+    return cut(plain(corner), front, lined(surface, cover), kept);
+}
+
+fn plain(corner: EdgedCorner) -> Corner {
+    return Corner(
         corner.clip, corner.relative, corner.normal, corner.colour, corner.number, corner.look,
     );
-    return cut(plain, front, lined(surface, cover), kept);
 }
 
 // A box: corner `index` of the 36 of the unit cube's triangles, two a face, placed by a row.
 @vertex
 fn box_vertex(@builtin(vertex_index) index: u32, @builtin(instance_index) number: u32) -> Corner {
+    return box_corner(index, number);
+}
+
+fn box_corner(index: u32, number: u32) -> Corner {
     let row = instances[number];
     let face = index / 6u;
     let axis = face >> 1u;

@@ -1067,7 +1067,7 @@ fn an_adapter_that_is_not_there_is_named() {
     if gpu().is_none() {
         return;
     }
-    let options = GpuOptions { adapter: Some("no such adapter".into()) };
+    let options = GpuOptions { adapter: Some("no such adapter".into()), ..GpuOptions::default() };
     let message = Gpu::new(&options).unwrap_err().to_string();
     assert!(message.contains("`no such adapter`") && message.contains("COLLAPSAR_ADAPTER"), "{message}");
 }

@@ -13,6 +13,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use collapsar::frame::{Renderer, Settings};
+use collapsar::gpu::{Gpu, GpuOptions};
 use collapsar::import::{Instance, Material, Model, Node};
 use collapsar::passes::draw::{Edges, Look, Section, Style};
 use collapsar::scene::camera::Parallel;
@@ -160,6 +161,14 @@ fn hiding_and_colouring_send_no_geometry_and_take_one_frame() {
 #[test]
 fn sections_cut_and_close_what_they_cut_at_any_level_of_detail() {
     let Some(gpu) = gpu("sections_cut_and_close_what_they_cut_at_any_level_of_detail") else { return };
+    let plain = Gpu::new(&GpuOptions { plain: true, ..GpuOptions::default() }).unwrap();
+    assert!(!plain.device.features().contains(wgpu::Features::CLIP_DISTANCES));
+    for gpu in [gpu, Arc::new(plain)] {
+        sections_are_closed(&gpu);
+    }
+}
+
+fn sections_are_closed(gpu: &Arc<Gpu>) {
     let scene = spheres(1);
     assert_eq!(scene.parts()[0].closure(), collapsar::geometry::Closure::Closed);
     let camera = front(&scene);
@@ -168,7 +177,7 @@ fn sections_cut_and_close_what_they_cut_at_any_level_of_detail() {
     for budget_vertices in [200_000, 200, 60] {
         for samples in [1, 4] {
             let settings = Settings { budget_vertices, samples, ..settings() };
-            let mut renderer = Renderer::new(Arc::clone(&gpu), Arc::clone(&scene), settings).unwrap();
+            let mut renderer = Renderer::new(Arc::clone(gpu), Arc::clone(&scene), settings).unwrap();
             let whole = settle(&mut renderer, &camera);
             assert!(whole.active_triangles > 0);
             let looks = [Look::coloured([255, 0, 0, 255])];

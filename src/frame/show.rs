@@ -14,7 +14,7 @@ use crate::gpu::GpuError;
 use crate::gpu::batch::Batch;
 use crate::gpu::target::Target;
 use crate::passes::depth_cue::DepthCuePass;
-use crate::passes::draw::{Asked, DrawBatch, DrawList, Edges, FrameUniform, Look, Style};
+use crate::passes::draw::{Asked, Cut, DrawBatch, DrawList, Edges, FrameUniform, Look, MOST_CLIPPED, Style};
 use crate::passes::pick::PickPass;
 use crate::scene::Camera;
 use crate::stats::FrameRecord;
@@ -88,10 +88,14 @@ impl Renderer {
     }
 
     fn asked(&self) -> Asked {
-        Asked {
-            edges: self.style.edges != Edges::None,
-            is_cut: !self.style.sections.is_empty() || self.looks.any_ghost,
-            depth: self.style.depth_cue > 0.0,
+        Asked { edges: self.style.edges != Edges::None, cut: self.cut(), depth: self.style.depth_cue > 0.0 }
+    }
+
+    fn cut(&self) -> Cut {
+        match self.style.sections.len() {
+            0 if !self.looks.any_ghost => Cut::No,
+            1..=MOST_CLIPPED if !self.looks.any_ghost => Cut::Clipped,
+            _ => Cut::Sampled,
         }
     }
 

@@ -81,6 +81,8 @@ impl From<wgpu::Error> for GpuError {
 pub struct GpuOptions {
     /// A part of its name, in any case of letters. `None`: what `COLLAPSAR_ADAPTER` says, else the fastest there is.
     pub adapter: Option<String>,
+    /// Whether to do without what only some adapters can.
+    pub plain: bool,
 }
 
 /// A device and its queue. Cheap to share by reference; every call on it may come from any thread.
@@ -155,9 +157,12 @@ impl Gpu {
         let adapter = choose_adapter(&instance, options, shows).await?;
         let adapter_info = adapter.get_info();
         let timestamps = can_time(&adapter, &adapter_info);
-        let (device, queue) =
-            adapter.request_device(&describe_device(&adapter, timestamps)).await.map_err(|error| {
-                GpuError::Unsuitable { adapter: adapter_info.name.clone(), reason: error.to_string() }
+        let (device, queue) = adapter
+            .request_device(&describe_device(&adapter, timestamps, options.plain))
+            .await
+            .map_err(|error| GpuError::Unsuitable {
+                adapter: adapter_info.name.clone(),
+                reason: error.to_string(),
             })?;
         let faults = collect_faults(&device);
         let limits = device.limits();
@@ -316,12 +321,18 @@ async fn adapter_called(instance: &wgpu::Instance, wanted: String) -> Result<wgp
     adapters.into_iter().find(fits).ok_or(GpuError::NoSuchAdapter { wanted, found })
 }
 
-fn describe_device(adapter: &wgpu::Adapter, timestamps: bool) -> wgpu::DeviceDescriptor<'static> {
+fn describe_device(
+    adapter: &wgpu::Adapter,
+    timestamps: bool,
+    plain: bool,
+) -> wgpu::DeviceDescriptor<'static> {
     let own = adapter.limits();
     let timing = if timestamps { wgpu::Features::TIMESTAMP_QUERY } else { wgpu::Features::empty() };
+    let clipping = if plain { wgpu::Features::empty() } else { wgpu::Features::CLIP_DISTANCES };
+    let clipping = clipping & adapter.features();
     wgpu::DeviceDescriptor {
         label: Some("collapsar"),
-        required_features: timing,
+        required_features: timing | clipping,
         required_limits: wgpu::Limits {
             max_buffer_size: own.max_buffer_size,
             max_storage_buffer_binding_size: own.max_storage_buffer_binding_size,

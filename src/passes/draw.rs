@@ -5,7 +5,8 @@
 //! hide, ghost or colour any number of instances writes words of that table and streams nothing. Depth is reversed; there
 //! is no culling by winding, because CAD data does not keep it.
 //!
-//! Sections cut sample by sample, and close what they cut without geometry (`shaders/shared/section.wgsl`). Where edges
+//! Sections clip by distances where the device can (`shaders/shared/clipped.wgsl`), else they cut sample by sample; they
+//! close what they cut without geometry (`shaders/shared/section.wgsl`). Where edges
 //! are drawn the same buffers are read as storage, because a corner must know its triangle.
 
 mod pipelines;
@@ -30,6 +31,18 @@ pub const SHADER: &str = concat!(
     include_str!("../../shaders/draw.wgsl")
 );
 
+/// The source for devices that clip by distances: sections cost no test of samples there.
+const CLIPPED_SHADER: &str = concat!(
+    "enable clip_distances;\n",
+    include_str!("../../shaders/shared/surface.wgsl"),
+    include_str!("../../shaders/shared/section.wgsl"),
+    include_str!("../../shaders/draw.wgsl"),
+    include_str!("../../shaders/shared/clipped.wgsl")
+);
+
+/// The most sections that a device clips by.
+pub const MOST_CLIPPED: usize = 8;
+
 /// Corners of the triangles of a box.
 const BOX_CORNERS: u32 = 36;
 
@@ -53,13 +66,25 @@ pub struct DrawBatch<'a> {
     pub indirect_offset: u64,
 }
 
+/// How surfaces are cut.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
+pub enum Cut {
+    /// Not at all.
+    #[default]
+    No,
+    /// By at most [`MOST_CLIPPED`] sections and nothing else: by distances where the device can.
+    Clipped,
+    /// Sample by sample: there are more sections, or ghosts.
+    Sampled,
+}
+
 /// What a frame asks of the pass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Asked {
     /// Whether any edges are drawn.
     pub edges: bool,
-    /// Whether there are sections or ghosts.
-    pub is_cut: bool,
+    /// How surfaces are cut.
+    pub cut: Cut,
     /// Whether the depth is kept for what comes after.
     pub depth: bool,
 }
@@ -92,10 +117,11 @@ impl DrawPass {
         let table = |bytes: usize| (wgpu::BufferBindingType::Storage { read_only: true }, bytes);
         let [rows, looks] = [table(size_of::<InstanceRow>()), table(size_of::<LookRow>())];
         let pipelines = Pipelines {
-            module: device.create_shader_module(wgpu::ShaderModuleDescriptor {
-                label: Some("draw"),
-                source: wgpu::ShaderSource::Wgsl(SHADER.into()),
-            }),
+            module: module(device, "draw", SHADER),
+            clipped: device
+                .features()
+                .contains(wgpu::Features::CLIP_DISTANCES)
+                .then(|| module(device, "draw clipped", CLIPPED_SHADER)),
             samples,
             frame: layout(device, "draw frame", Stages::VERTEX_FRAGMENT, &[uniform]),
             instances: layout(device, "draw instances", Stages::VERTEX, &[rows, looks]),
@@ -177,14 +203,19 @@ impl DrawPass {
     }
 }
 
+fn module(device: &wgpu::Device, label: &str, source: &'static str) -> wgpu::ShaderModule {
+    let source = wgpu::ShaderSource::Wgsl(source.into());
+    device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })
+}
+
 /// The pipelines of batches, boxes and the background.
 fn kinds(asked: Asked) -> [Kind; 3] {
     let scene = if asked.edges { Drawn::Edged } else { Drawn::Scene };
-    let is_cut = asked.is_cut;
+    let cut = asked.cut;
     [
-        Kind { drawn: scene, is_cut },
-        Kind { drawn: Drawn::Boxes, is_cut },
-        Kind { drawn: Drawn::Background, is_cut: false },
+        Kind { drawn: scene, cut },
+        Kind { drawn: Drawn::Boxes, cut },
+        Kind { drawn: Drawn::Background, cut: Cut::No },
     ]
 }
 
@@ -277,6 +308,16 @@ mod tests {
         let host: Vec<_> = host.iter().map(|&(name, offset)| (name.to_owned(), offset as u32)).collect();
         assert_eq!(members, host);
         assert_eq!(span as usize, host_size);
+    }
+
+    #[test]
+    fn the_clipped_shader_is_valid_where_distances_clip() {
+        let module = naga::front::wgsl::parse_str(CLIPPED_SHADER)
+            .unwrap_or_else(|e| panic!("{}", e.emit_to_string(CLIPPED_SHADER)));
+        let capabilities = naga::valid::Capabilities::CLIP_DISTANCES;
+        naga::valid::Validator::new(naga::valid::ValidationFlags::all(), capabilities)
+            .validate(&module)
+            .unwrap_or_else(|e| panic!("{}", e.emit_to_string(CLIPPED_SHADER)));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use crate::gpu::target::{COLOUR_FORMAT, DEPTH_FORMAT};
 
-use super::ACTIVE_VERTEX_BYTES;
+use super::{ACTIVE_VERTEX_BYTES, Cut};
 
 /// What a pipeline draws.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -21,40 +21,50 @@ pub(super) enum Drawn {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) struct Kind {
     pub drawn: Drawn,
-    /// Whether there are sections, or ghosts: not all samples of a surface are covered.
-    pub is_cut: bool,
+    pub cut: Cut,
 }
 
 /// What all pipelines share.
 #[derive(Debug)]
 pub(super) struct Pipelines {
     pub module: wgpu::ShaderModule,
+    /// Where the device clips by distances.
+    pub clipped: Option<wgpu::ShaderModule>,
     pub samples: u32,
     pub frame: wgpu::BindGroupLayout,
     pub instances: wgpu::BindGroupLayout,
     pub edged: wgpu::BindGroupLayout,
 }
 
+/// The entry points that place corners of batches, of batches with edges, and of boxes.
+const PLAIN: [&str; 3] = ["draw_vertex", "edged_vertex", "box_vertex"];
+/// The same with distances to sections.
+const CLIPPED: [&str; 3] = ["clipped_draw_vertex", "clipped_edged_vertex", "clipped_box_vertex"];
+
 impl Pipelines {
     pub fn make(&self, device: &wgpu::Device, kind: Kind) -> wgpu::RenderPipeline {
         let (frame, instances, edged) = (Some(&self.frame), Some(&self.instances), Some(&self.edged));
-        let surface = if kind.is_cut { "cut_fragment" } else { "draw_fragment" };
-        let edged_surface = if kind.is_cut { "edged_cut_fragment" } else { "edged_fragment" };
-        let vertices = [Some(active_vertices())];
-        match kind.drawn {
-            Drawn::Scene => {
-                self.pipeline(device, "draw", ["draw_vertex", surface], &[frame, instances], &vertices)
+        let (module, [scene, edges, boxes], [surface, lined]) = match (kind.cut, &self.clipped) {
+            (Cut::No, _) => (&self.module, PLAIN, ["draw_fragment", "edged_fragment"]),
+            (Cut::Clipped, Some(clipped)) => {
+                (clipped, CLIPPED, ["clipped_fragment", "clipped_edged_fragment"])
             }
-            Drawn::Edged => self.pipeline(
-                device,
-                "edges",
-                ["edged_vertex", edged_surface],
-                &[frame, instances, edged],
-                &[],
-            ),
-            Drawn::Boxes => self.pipeline(device, "boxes", ["box_vertex", surface], &[frame, instances], &[]),
+            (Cut::Clipped, None) | (Cut::Sampled, _) => {
+                (&self.module, PLAIN, ["cut_fragment", "edged_cut_fragment"])
+            }
+        };
+        let vertices = [Some(active_vertices())];
+        let own = [frame, instances];
+        match kind.drawn {
+            Drawn::Scene => self.pipeline(device, module, "draw", [scene, surface], &own, &vertices),
+            Drawn::Edged => {
+                let groups = [frame, instances, edged];
+                self.pipeline(device, module, "edges", [edges, lined], &groups, &[])
+            }
+            Drawn::Boxes => self.pipeline(device, module, "boxes", [boxes, surface], &own, &[]),
             Drawn::Background => {
-                self.pipeline(device, "background", ["background_vertex", "background_fragment"], &[], &[])
+                let background = ["background_vertex", "background_fragment"];
+                self.pipeline(device, module, "background", background, &[], &[])
             }
         }
     }
@@ -62,6 +72,7 @@ impl Pipelines {
     fn pipeline(
         &self,
         device: &wgpu::Device,
+        module: &wgpu::ShaderModule,
         label: &str,
         [vertex, fragment]: [&str; 2],
         groups: &[Option<&wgpu::BindGroupLayout>],
@@ -74,12 +85,12 @@ impl Pipelines {
         });
         // Constants that an entry point does not use may not be given.
         let constants = [("SAMPLES", f64::from(self.samples))];
-        let is_cut = fragment.ends_with("cut_fragment");
+        let has_samples = fragment.ends_with("cut_fragment");
         device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some(label),
             layout: Some(&layout),
             vertex: wgpu::VertexState {
-                module: &self.module,
+                module,
                 entry_point: Some(vertex),
                 compilation_options: Default::default(),
                 buffers,
@@ -88,10 +99,10 @@ impl Pipelines {
             depth_stencil: Some(depth_state(label != "background")),
             multisample: wgpu::MultisampleState { count: self.samples, ..Default::default() },
             fragment: Some(wgpu::FragmentState {
-                module: &self.module,
+                module,
                 entry_point: Some(fragment),
                 compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: if is_cut { &constants } else { &[] },
+                    constants: if has_samples { &constants } else { &[] },
                     ..Default::default()
                 },
                 targets: &[Some(COLOUR_FORMAT.into())],

@@ -1,26 +1,37 @@
-//! How far the surface has moved: a removed position is carried along by the triangle that lies nearest to it.
+//! How far the surface has moved: points of it that are gone are carried along by the triangles that lie nearest to
+//! them.
 //!
-//! Each live triangle has at most one witness, the removed position that is farthest from it of all that were handed
-//! to it. A collapse hands the witnesses of the ring, and the position itself, to the triangles that replace the ring,
-//! and the largest distance is the error of the step. Distances are to the new triangles only, so that each is at least
-//! the true one; what the witnesses that were let go would have said is lost. The other way, from the new surface to the
-//! old, the middles of its new edges are looked at.
+//! Each live triangle has at most one witness: a removed position, or a point on an edge that went, the farthest from it
+//! of all that were handed to it. A collapse hands the witnesses of the ring, the position itself and what strayed of
+//! its edges to the triangles that replace the ring. Distances are to these only, so that each is at least the true
+//! one; what the witnesses that were let go would have said is lost. The other way, from the new surface to the old,
+//! the middles of its new edges are looked at.
 
 use glam::Vec3;
 
-use super::mesh::{CornerMesh, NONE};
+use super::mesh::{CornerMesh, QUARTER, Witness};
 use super::ring::Ring;
 
 /// At most so many distances are taken in a step, but for those of the position itself.
 const MOST: usize = 512;
 
 /// A witness is kept while its distance is more than this share of the error so far.
-const NOTABLE: f32 = 0.25;
+pub(super) const NOTABLE: f32 = 0.4;
 
 /// Working memory, reused from step to step.
 #[derive(Default)]
 pub(super) struct Drift {
     fan: Vec<Spoke>,
+    bowed: Vec<Bowed>,
+}
+
+/// The middle of a new edge, and its squared distances.
+pub(super) struct Bowed {
+    pub point: Vec3,
+    /// From the ends of the edge, which are where they always were.
+    pub to_end: f32,
+    /// From the ring that the step replaces.
+    pub to_ring: f32,
 }
 
 /// A triangle of the new surface, relative to the position that goes.
@@ -29,7 +40,7 @@ struct Spoke {
     a: Vec3,
     b: Vec3,
     farthest: f32,
-    witness: u32,
+    witness: Option<Witness>,
 }
 
 impl Drift {
@@ -43,37 +54,59 @@ impl Drift {
         target: u32,
         offset: Vec3,
         error: f32,
-    ) -> (f32, Vec3) {
+    ) -> (f32, Witness) {
         let least = (NOTABLE * error).powi(2);
         self.fan.clear();
         self.fan.extend(ring.faces().enumerate().filter(|(_, face)| !face.touches(target)).map(
             |(i, face)| {
                 let [a, b] = ring.corners(i);
-                Spoke { triangle: face.triangle(), a, b, farthest: least, witness: NONE }
+                Spoke { triangle: face.triangle(), a, b, farthest: least, witness: None }
             },
         ));
-        let mut farthest = (self.hand_over(position, Vec3::ZERO, offset, least), ring.origin);
+        let own = self.hand_over([position; 2], Vec3::ZERO, offset, least);
+        let mut farthest = (own, [position; 2]);
         let most = MOST / self.fan.len().max(1);
-        for face in ring.faces().take(most) {
-            let witness = std::mem::replace(mesh.witness(face.triangle()), NONE);
-            if witness != NONE {
-                let point = ring.point(witness);
-                let distance = self.hand_over(witness, point - ring.origin, offset, least);
-                if distance > farthest.0 {
-                    farthest = (distance, point);
-                }
+        let witnesses = ring.faces().take(most).filter_map(|face| mesh.witness(face.triangle()));
+        for witness in witnesses {
+            let point = ring.witness_point(witness);
+            let distance = self.hand_over(witness, point - ring.origin, offset, least);
+            if distance > farthest.0 {
+                farthest = (distance, witness);
             }
         }
+        if let Some(slot) = ring.slot(target).filter(|_| !self.fan.is_empty()) {
+            let mut left = most;
+            ring.strayed(slot as u32, least, |neighbour| {
+                let other = neighbour.position;
+                let along = [[position, other], [position | QUARTER, other], [other | QUARTER, position]];
+                // Where the middle is near, so are the quarters.
+                for witness in along {
+                    if left == 0 {
+                        break;
+                    }
+                    left -= 1;
+                    let point = ring.witness_point(witness);
+                    let distance = self.hand_over(witness, point - ring.origin, offset, least);
+                    if distance > farthest.0 {
+                        farthest = (distance, witness);
+                    }
+                    if distance <= least {
+                        break;
+                    }
+                }
+            });
+        }
         for spoke in &self.fan {
-            *mesh.witness(spoke.triangle) = spoke.witness;
+            mesh.set_witness(spoke.triangle, spoke.witness);
         }
         (farthest.0.sqrt(), farthest.1)
     }
 
-    /// The largest distance from the middle of an edge that a collapse makes to the ring that it replaces, or `least` if
-    /// none is larger.
-    pub fn bow(ring: &Ring, target: u32, offset: Vec3, least: f32) -> f32 {
-        let mut farthest = least * least;
+    /// Finds the middles of edges that a collapse makes, where they are farther than `least` from the ring that it
+    /// replaces.
+    pub fn bow(&mut self, ring: &Ring, target: u32, offset: Vec3, least: f32) -> &[Bowed] {
+        let least = least * least;
+        self.bowed.clear();
         let most = MOST / ring.faces().len().max(1);
         for n in ring.neighbours().iter().filter(|n| n.position != target).take(most) {
             let middle = 0.5 * (n.offset() + offset);
@@ -82,18 +115,33 @@ impl Drift {
             for face in ring.faces_at(n).into_iter().chain(0..ring.faces().len()) {
                 let [a, b] = ring.corners(face);
                 nearest = nearest.min(squared_distance(middle, [Vec3::ZERO, a, b]));
-                if nearest <= farthest {
+                if nearest <= least {
                     break;
                 }
             }
-            farthest = farthest.max(nearest);
+            if nearest > least {
+                let point = ring.origin + middle;
+                self.bowed.push(Bowed { point, to_end: middle.distance_squared(offset), to_ring: nearest });
+            }
         }
-        farthest.sqrt()
+        &self.bowed
+    }
+
+    /// Takes a witness back from the triangle that it was handed to in the last step.
+    pub fn take_back(&self, mesh: &mut CornerMesh, witness: Witness) {
+        for spoke in self.fan.iter().filter(|spoke| spoke.witness == Some(witness)) {
+            mesh.set_witness(spoke.triangle, None);
+        }
+    }
+
+    /// What [`Drift::bow`] found last.
+    pub fn bowed(&self) -> &[Bowed] {
+        &self.bowed
     }
 
     /// Hands a witness to the nearest triangle; returns the squared distance, or one that is no more than `least` where
     /// that is known to be so: no triangle keeps such a witness.
-    fn hand_over(&mut self, witness: u32, point: Vec3, apex: Vec3, least: f32) -> f32 {
+    fn hand_over(&mut self, witness: Witness, point: Vec3, apex: Vec3, least: f32) -> f32 {
         let mut nearest = (f32::INFINITY, usize::MAX);
         for (i, spoke) in self.fan.iter().enumerate() {
             let distance = squared_distance(point, [apex, spoke.a, spoke.b]);
@@ -105,9 +153,12 @@ impl Drift {
             }
         }
         match self.fan.get_mut(nearest.1) {
-            Some(spoke) if nearest.0 > spoke.farthest => {
+            // A quarter makes no other witness forgotten: it is near one of its own ends.
+            Some(spoke)
+                if nearest.0 > spoke.farthest && (witness[0] & QUARTER == 0 || spoke.witness.is_none()) =>
+            {
                 spoke.farthest = nearest.0;
-                spoke.witness = witness;
+                spoke.witness = Some(witness);
                 nearest.0
             }
             Some(_) => nearest.0,

@@ -10,6 +10,13 @@ use crate::geometry::weld::WeldedMesh;
 
 pub(super) const NONE: u32 = u32::MAX;
 
+/// A point of the surface as it was: the middle between two positions, which may be the same one, or with [`QUARTER`]
+/// added to the first, a quarter of the way from it to the second.
+pub(super) type Witness = [u32; 2];
+
+/// See [`Witness`]; corners have numbers that fit, so positions are below it.
+pub(super) const QUARTER: u32 = 1 << 30;
+
 /// The dynamic mesh.
 pub(super) struct CornerMesh {
     triangles: Vec<Triangle>,
@@ -28,9 +35,10 @@ pub(super) struct CornerMesh {
 #[derive(Clone, Copy)]
 #[repr(C, align(32))]
 struct Triangle {
-    /// The positions of the corners, the first of them [`NONE`] in a dead triangle, and the witness (`drift.rs`).
+    /// The positions of the corners, the first of them [`NONE`] in a dead triangle, and one end of the witness
+    /// (`drift.rs`).
     positions: [u32; 4],
-    /// The wedges of the corners, and nothing.
+    /// The wedges of the corners, and the other end of the witness.
     wedges: [u32; 4],
 }
 
@@ -160,9 +168,16 @@ impl CornerMesh {
         [a, b, c]
     }
 
-    /// The witness of a triangle, [`NONE`] if it has none.
-    pub fn witness(&mut self, triangle: u32) -> &mut u32 {
-        &mut self.triangles[triangle as usize].positions[3]
+    /// The witness of a triangle, if it has one.
+    pub fn witness(&self, triangle: u32) -> Option<Witness> {
+        let Triangle { positions, wedges } = &self.triangles[triangle as usize];
+        (positions[3] != NONE).then_some([positions[3], wedges[3]])
+    }
+
+    /// Gives a triangle a witness, or none.
+    pub fn set_witness(&mut self, triangle: u32, witness: Option<Witness>) {
+        let Triangle { positions, wedges } = &mut self.triangles[triangle as usize];
+        [positions[3], wedges[3]] = witness.unwrap_or([NONE; 2]);
     }
 
     /// The live triangles around a position.

@@ -13,6 +13,7 @@
 //! 4. Small pieces that nothing can collapse any further vanish whole, at the price of their size; at the end all
 //!    that are left do, the smallest first. The largest stays; of a sheet of two triangles back to back, one.
 
+mod boxes;
 mod drift;
 mod evaluate;
 mod four;
@@ -20,28 +21,28 @@ mod mesh;
 mod queue;
 mod ring;
 
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 
 use super::adjacency::position_edges;
 use super::record::{Attributes, Stall, VertexRecord};
 use super::weld::WeldedMesh;
-use drift::{Drift, squared_distance};
+use boxes::{Boxes, Found, GONE};
+use drift::{Drift, NOTABLE, squared_distance};
 use evaluate::{Action, Candidate, Evaluator, HUB, LARGEST_PIECE, Setting};
-use four::{Four, squared_distances, widened};
-use mesh::CornerMesh;
+use mesh::{CornerMesh, Face, NONE, Witness};
 use queue::BucketQueue;
 use ring::Place;
 
 pub(crate) use evaluate::FLIP_LIMIT;
 
-/// Searches for what is left beside a piece that has gone look at so many positions for each of the mesh.
-const SEARCHES: usize = 16;
-/// A distance that is more than so many times the error so far is looked into.
-const LEAP: f32 = 1.3;
-/// Searches for the triangle nearest to a point look at so many for each of the mesh.
-const LOOKS: usize = 40;
-/// What is kept of them for later, for each triangle that is left.
-const LATER_LOOKS: usize = 24;
+/// A distance to a part of what is left that is more than so many times the error so far is settled by a search.
+const LEAP: f32 = 1.2;
+/// What is so near, in grid steps, is rounding.
+const ROUNDING: f32 = 0.5;
+/// Searches for the triangle nearest to a point open so many boxes for each of the mesh.
+const LOOKS: usize = 4;
+/// The same for what is nearest to pieces that have gone.
+const PIECE_LOOKS: usize = 8;
 /// A step is taken unless another may cost less than this share of it: closer than that, looking twice is worth
 /// nothing.
 const SLACK: f32 = 0.8;
@@ -182,13 +183,15 @@ struct Simplifier<'a> {
     evaluator: Evaluator,
     queue: BucketQueue,
     drift: Drift,
-    /// Per position, how far the boundaries and creases near it have moved along the surface.
-    slid: Vec<f32>,
-    /// How many positions may yet be looked at in search of what is left beside a piece that has gone.
-    searches: usize,
-    /// How many triangles may yet be looked at in search of the one nearest to a point.
+    /// How many boxes may yet be opened in search of the triangle nearest to a point, where there is another way.
     looks: usize,
-    /// The triangles that were alive at the last such search.
+    /// How many may be opened in search of what is nearest to a piece that has gone, before any triangle will do.
+    piece_looks: usize,
+    /// Around the triangles as they were.
+    whole: Option<Boxes>,
+    /// Around those of `left`.
+    rest: Option<Boxes>,
+    /// All triangles that are left, and some that have gone since this was last looked at.
     left: Vec<u32>,
     error: f32,
     cost: f32,
@@ -198,6 +201,7 @@ struct Simplifier<'a> {
     killed_wedges: Vec<u32>,
     neighbours: Vec<u32>,
     wedge_position: &'a [u32],
+    welded: &'a WeldedMesh,
 }
 
 impl<'a> Simplifier<'a> {
@@ -208,9 +212,10 @@ impl<'a> Simplifier<'a> {
         Self {
             queue: BucketQueue::new(positions),
             drift: Drift::default(),
-            slid: vec![0.0; positions],
-            searches: SEARCHES * positions,
             looks: LOOKS * welded.triangles.len(),
+            piece_looks: PIECE_LOOKS * welded.triangles.len(),
+            whole: None,
+            rest: None,
             left: (0..welded.triangles.len() as u32).collect(),
             error: 0.0,
             cost: 0.0,
@@ -220,6 +225,7 @@ impl<'a> Simplifier<'a> {
             killed_wedges: Vec::new(),
             neighbours: Vec::new(),
             wedge_position: &welded.wedge_position,
+            welded,
             mesh,
             setting,
             evaluator,
@@ -276,11 +282,10 @@ impl<'a> Simplifier<'a> {
     /// Collapses a position, whose ring the evaluator has just looked at, onto a neighbour.
     fn collapse(&mut self, position: u32, target: u32, phase: Phase) {
         let offset = self.evaluator.ring.point(target) - self.evaluator.ring.origin;
+        let gone = self.ends_piece(target).then(|| self.points_of(&[position, target]));
         let (carried, witness) =
             self.drift.carry(&mut self.mesh, &self.evaluator.ring, position, target, offset, self.error);
-        let slid = self.slid[position as usize] + self.evaluator.ring.slide(offset);
-        self.slid[target as usize] = self.slid[target as usize].max(slid);
-        let bowed = Drift::bow(&self.evaluator.ring, target, offset, self.error.max(slid));
+        let bowed = self.bowed(target, offset);
         self.evaluator.map_wedges(&self.mesh, &self.setting, target);
         for i in 0..self.evaluator.mapping.len() {
             let (from, to) = self.evaluator.mapping[i];
@@ -289,15 +294,41 @@ impl<'a> Simplifier<'a> {
         self.evaluator.forget_neighbours();
         self.move_faces(target);
         self.mesh.drop_list(position);
-        let carried = if self.mesh.valence(target) == 0 {
-            self.distance_to_rest(&[position, target])
-        } else {
-            self.settled(carried, witness)
+        let carried = match gone {
+            Some(points) => self.distance_to_rest(&points),
+            None if self.looks == 0 || carried <= LEAP * self.error => carried,
+            None => self.settled(carried, witness),
         };
         self.error = bowed.max(carried);
         self.remove_unused_wedges();
         self.close_group(phase);
         self.look_again(target);
+    }
+
+    /// The error so far, or how far the middles of new edges are from the mesh as it was, if that is more.
+    fn bowed(&mut self, target: u32, offset: Vec3) -> f32 {
+        let ring = &self.evaluator.ring;
+        if self.drift.bow(ring, target, offset, self.error.max(ROUNDING / self.grid_steps)).is_empty() {
+            return self.error;
+        }
+        let (ring, welded) = (&self.evaluator.ring, self.welded);
+        let corners = |triangle: usize| {
+            welded.corner_positions(welded.triangles[triangle]).map(|position| ring.point(position))
+        };
+        let whole = self.whole.get_or_insert_with(|| Boxes::new(welded.triangles.len(), corners));
+        let mut farthest = self.error * self.error;
+        for middle in self.drift.bowed() {
+            let distance = if self.looks > 0 {
+                let limits = [middle.to_end, farthest];
+                let found = whole.nearest(corners, middle.point, limits, self.looks);
+                self.looks = self.looks.saturating_sub(found.opened);
+                found.squared
+            } else {
+                middle.to_ring
+            };
+            farthest = farthest.max(distance);
+        }
+        farthest.sqrt()
     }
 
     fn remove_wedge(&mut self, wedge: u32, target: Target) {
@@ -426,6 +457,7 @@ impl<'a> Simplifier<'a> {
 
     /// Removes all of a connected piece in one step.
     fn vanish(&mut self, piece: &[u32]) {
+        let points = self.points_of(piece);
         for &position in piece {
             for wedge in self.mesh.wedges_of(position) {
                 if !self.wedge_gone[wedge as usize] {
@@ -438,67 +470,98 @@ impl<'a> Simplifier<'a> {
                 self.order.removed.push(triangle);
             }
         }
-        self.error = self.error.max(self.distance_to_rest(&piece[..piece.len().min(LARGEST_PIECE)]));
+        self.error = self.distance_to_rest(&points);
         self.close_group(Phase::Vanish);
     }
 
-    /// How far positions that have just gone, with all that they were connected to, are from what is left: from the
-    /// triangles around the next positions in Morton order on both sides. At least half their own size where there is
-    /// none within reach, which keeps all searches together linear.
-    fn distance_to_rest(&mut self, gone: &[u32]) -> f32 {
-        let near = [self.next_left(gone[0], -1), self.next_left(gone[0], 1)];
-        let triangles = near.into_iter().flatten().flat_map(|position| {
-            let apex = self.evaluator.ring.point(position);
-            self.mesh.faces(position).take(LARGEST_PIECE).map(move |face| (apex, face.positions))
+    /// Whether a collapse onto this neighbour leaves nothing of the piece that both belong to.
+    fn ends_piece(&self, target: u32) -> bool {
+        let faces = self.evaluator.ring.faces();
+        faces.len() == self.mesh.valence(target) as usize
+            && self.evaluator.ring.faces().all(|face| face.touches(target))
+    }
+
+    /// Positions, what is around them and the witnesses there; of a large piece only some.
+    fn points_of(&self, piece: &[u32]) -> Vec<Witness> {
+        let some = piece.iter().step_by(piece.len().div_ceil(LARGEST_PIECE));
+        let points = some.flat_map(|&position| {
+            let at_face = |face: Face| {
+                let witness = self.mesh.witness(face.triangle());
+                face.positions.into_iter().map(|other| [other; 2]).chain(witness)
+            };
+            let around = self.mesh.faces(position).take(LARGEST_PIECE).flat_map(at_face);
+            std::iter::once([position; 2]).chain(around)
         });
-        let triangles: Vec<[Vec3; 3]> = triangles
-            .map(|(apex, [a, b])| [apex, self.evaluator.ring.point(a), self.evaluator.ring.point(b)])
-            .collect();
-        let from =
-            |point: Vec3| triangles.iter().map(move |&t| squared_distance(point, t)).min_by(f32::total_cmp);
-        let points = gone.iter().map(|&position| self.evaluator.ring.point(position));
-        let farthest =
-            points.filter_map(|point| Some((from(point)?, point))).max_by(|a, b| a.0.total_cmp(&b.0));
-        match farthest {
-            Some((distance, point)) => self.settled(distance.sqrt(), point),
-            None => 0.5 * self.evaluator.piece_size(gone),
-        }
+        let mut points: Vec<Witness> = points.collect();
+        points.sort_unstable();
+        points.dedup();
+        points
     }
 
-    /// The distance from a point to what is left, of which only a part has been looked at. Where that would make the
-    /// error much larger, all of it is looked at, as far as [`LOOKS`] goes.
-    fn settled(&mut self, distance: f32, point: Vec3) -> f32 {
-        if distance <= LEAP * self.error || self.looks < LATER_LOOKS * self.mesh.live_triangles {
-            return distance;
-        }
-        self.mesh.drop_dead(&mut self.left);
-        self.looks -= self.left.len();
-        let point_of = |position: u32| self.evaluator.ring.point(position);
-        let triangle = |&triangle: &u32| self.mesh.positions_of(triangle).map(|p| widened(point_of(p)));
-        let (fours, rest) = self.left.as_chunks::<4>();
-        // The last few with one of them repeated.
-        let last = rest.last().map(|&last| [0, 1, 2, 3].map(|i| rest.get(i).copied().unwrap_or(last)));
-        let mut nearest = Vec4::splat(distance * distance);
-        for four in fours.iter().chain(&last) {
-            let [a, b, c, d] = four.each_ref().map(triangle);
-            let corners = [0, 1, 2].map(|k: usize| Four::of([a[k], b[k], c[k], d[k]]));
-            nearest = nearest.min(squared_distances(Four::splat(point), corners));
-        }
-        nearest.min_element().sqrt()
-    }
-
-    /// The next position in the order of the mesh, up or down, that has a triangle left.
-    fn next_left(&mut self, from: u32, step: i32) -> Option<u32> {
-        let mut position = from;
-        while self.searches > 0 {
-            self.searches -= 1;
-            position =
-                position.checked_add_signed(step).filter(|&p| (p as usize) < self.mesh.position_count())?;
-            if self.mesh.valence(position) > 0 {
-                return Some(position);
+    /// The error so far, or how far points that have just gone, with all that they were connected to, are from what is
+    /// left, if that is more. The triangle nearest to the farthest of them remembers it.
+    fn distance_to_rest(&mut self, gone: &[Witness]) -> f32 {
+        let mut farthest = (0.0, None);
+        let mut error = self.error;
+        for &witness in gone {
+            let point = self.evaluator.ring.witness_point(witness);
+            let found = self.nearest_left(point, [f32::INFINITY, error], self.piece_looks);
+            self.piece_looks = self.piece_looks.saturating_sub(found.opened);
+            error = error.max(found.squared.sqrt());
+            if found.squared > farthest.0 {
+                farthest = (found.squared, found.triangle.map(|triangle| (triangle, witness)));
             }
         }
-        None
+        if let (squared, Some((triangle, witness))) = farthest
+            && squared > (NOTABLE * error).powi(2)
+        {
+            self.hand_on(self.left[triangle], witness, squared);
+        }
+        error
+    }
+
+    /// How far a witness is from what is left, of which only a part has been looked at. The nearest triangle takes it.
+    fn settled(&mut self, distance: f32, witness: Witness) -> f32 {
+        let point = self.evaluator.ring.witness_point(witness);
+        let found = self.nearest_left(point, [distance, self.error], self.looks);
+        self.looks = self.looks.saturating_sub(found.opened);
+        if let Some(triangle) = found.triangle {
+            self.drift.take_back(&mut self.mesh, witness);
+            if found.squared > (NOTABLE * self.error).powi(2) {
+                self.hand_on(self.left[triangle], witness, found.squared);
+            }
+        }
+        found.squared.sqrt()
+    }
+
+    /// Gives a triangle that is left a witness, at this squared distance, unless it has one farther away.
+    fn hand_on(&mut self, triangle: u32, witness: Witness, squared: f32) {
+        let ring = &self.evaluator.ring;
+        let corners = self.mesh.positions_of(triangle).map(|position| ring.point(position));
+        let own = self.mesh.witness(triangle).map(|own| squared_distance(ring.witness_point(own), corners));
+        if own.is_none_or(|own| own < squared) {
+            self.mesh.set_witness(triangle, Some(witness));
+        }
+    }
+
+    /// The triangle of what is left that is nearest to a point, if it is nearer than `most`; one of at most `enough` may
+    /// be another.
+    fn nearest_left(&mut self, point: Vec3, [most, enough]: [f32; 2], looks: usize) -> Found {
+        if 2 * self.mesh.live_triangles <= self.left.len() {
+            self.mesh.drop_dead(&mut self.left);
+            self.rest = None;
+        }
+        let rest = self.rest.take();
+        let mut rest = rest.unwrap_or_else(|| Boxes::new(self.left.len(), |i| self.corners_left(i)));
+        let limits = [most * most, enough * enough];
+        let found = rest.nearest(|i| self.corners_left(i), point, limits, looks);
+        self.rest = Some(rest);
+        found
+    }
+
+    fn corners_left(&self, i: usize) -> [Vec3; 3] {
+        let [a, b, c] = self.mesh.positions_of(self.left[i]);
+        if a == NONE { GONE } else { [a, b, c].map(|position| self.evaluator.ring.point(position)) }
     }
 
     fn pieces(&self) -> Vec<Piece> {

@@ -4,16 +4,15 @@
 
 use glam::{BVec4A, Vec3, Vec4};
 
+use super::drift::squared_distance;
 use super::four::{self, Four, narrowed, squared_distances, widened};
-use super::mesh::{CornerMesh, Face};
+use super::mesh::{CornerMesh, Face, QUARTER, Witness};
 use crate::geometry::quadric::{Planes, Quadric};
 
 /// The weight of boundary planes against the surface's own, per squared edge length.
 const BOUNDARY_WEIGHT: f32 = 1.0;
 /// The same for creases, which the planes of both sides hold already where they are sharp.
 const CREASE_WEIGHT: f32 = 0.2;
-/// What a polyline moves when a vertex goes, as a share of how far the target is from the line of its far edge.
-const SAGITTA: f32 = 0.5;
 /// Two triangles fold when the sum of their outward directions is longer than this: a dihedral angle below 80 degrees.
 const FOLD: f32 = 1.53;
 /// The same as the cosine between their normals.
@@ -170,6 +169,13 @@ impl Ring {
 
     pub fn point(&self, position: u32) -> Vec3 {
         self.places[position as usize].point
+    }
+
+    /// Where a witness is.
+    pub fn witness_point(&self, [a, b]: Witness) -> Vec3 {
+        let share = if a & QUARTER == 0 { 0.5 } else { 0.25 };
+        let a = self.point(a & !QUARTER);
+        a + share * (self.point(b) - a)
     }
 
     /// The index of a position among the neighbours, if it is one.
@@ -401,16 +407,6 @@ impl Ring {
         across.normalize_or_zero()
     }
 
-    /// How far a step by `offset` moves the lines along which the surface is bounded or creased: the position is no
-    /// farther from what is left of a line than from the neighbour on it, which stays.
-    pub fn slide(&self, offset: Vec3) -> f32 {
-        let moved = |neighbour: &Neighbour| {
-            let (normal, _) = self.bounding_plane(neighbour)?;
-            Some((SAGITTA * normal.dot(offset).abs()).min(neighbour.offset().length()))
-        };
-        self.neighbours().iter().filter_map(moved).fold(0.0, f32::max)
-    }
-
     /// The quadric at every neighbour, and `shortness` for the square of its distance; four at a time.
     pub fn costs(&self, shortness: f32, costs: &mut Vec<Vec4>) {
         costs.clear();
@@ -435,6 +431,42 @@ impl Ring {
         }
         let nearest = nearest.min_element();
         if nearest < f32::INFINITY { nearest } else { offset.length_squared() }
+    }
+
+    /// Hands on the neighbours whose edge to the position has its middle farther (by the square) than `least` from the
+    /// triangle beside it, or none beside it, when the position goes onto the neighbour `slot`.
+    pub fn strayed(&self, slot: u32, least: f32, mut strays: impl FnMut(&Neighbour)) {
+        let apex = Four::splat(self.all_neighbours[slot as usize].offset());
+        let mut tell = |other: u32| {
+            if other != slot {
+                strays(&self.all_neighbours[other as usize]);
+            }
+        };
+        for (m, group) in self.measures.iter().zip(self.faces.chunks(4)) {
+            let distances = squared_distances(m.a * Vec4::splat(0.5), [apex, m.a, m.b]);
+            let far = (m.dying(slot) | distances.cmpgt(Vec4::splat(least))).bitmask();
+            if far != 0 {
+                let far = group.iter().enumerate().filter(|(i, _)| far >> i & 1 == 1);
+                let told =
+                    far.filter(|(_, f)| !f.slots.contains(&slot) || !self.is_near(f.slots[0], slot, least));
+                told.for_each(|(_, f)| tell(f.slots[0]));
+            }
+        }
+        // Each other edge is the first side of one triangle.
+        if self.chain != Some(false) {
+            (0..).zip(self.neighbours()).filter(|(_, n)| n.faces != 2).for_each(|(other, _)| tell(other));
+        }
+    }
+
+    /// Whether the middle of the edge to a neighbour is near the triangle whose second side that is, when the position
+    /// goes onto the neighbour `slot`.
+    fn is_near(&self, other: u32, slot: u32, least: f32) -> bool {
+        let offset = |slot: u32| self.all_neighbours[slot as usize].offset();
+        let beside = self.faces.iter().find(|f| f.slots[1] == other && f.slots[0] != slot);
+        beside.is_some_and(|f| {
+            let [a, b] = f.slots.map(offset);
+            squared_distance(0.5 * b, [offset(slot), a, b]) <= least
+        })
     }
 
     /// Whether a triangle that is left would turn by more than the limit, or lose its area, if the position went onto

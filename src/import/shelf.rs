@@ -19,7 +19,8 @@ pub struct Room(Arc<Walls>);
 
 #[derive(Debug)]
 struct Walls {
-    /// How many more bytes of meshes may be in memory.
+    /// How many bytes of meshes may be in memory, and how many more.
+    bytes: u64,
     free: AtomicU64,
     cap_bytes: Option<u64>,
     folder: PathBuf,
@@ -39,7 +40,7 @@ impl Room {
     /// without may take `cap_bytes` of memory.
     pub fn new(bytes: u64, cap_bytes: Option<u64>, folder: &Path) -> Self {
         let free = AtomicU64::new(bytes);
-        Self(Arc::new(Walls { free, cap_bytes, folder: folder.to_owned(), file: Mutex::default() }))
+        Self(Arc::new(Walls { bytes, free, cap_bytes, folder: folder.to_owned(), file: Mutex::default() }))
     }
 
     /// That something which must be in memory while a file is read is within the cap.
@@ -57,19 +58,29 @@ impl Room {
         fits.then_some(()).ok_or(Problem::TooLittleMemory { cap_bytes, need_bytes, what })
     }
 
+    /// Takes so many bytes, if they are free.
+    fn take(&self, bytes: u64) -> bool {
+        let taken = |free: u64| free.checked_sub(bytes);
+        self.0.free.fetch_update(Ordering::Relaxed, Ordering::Relaxed, taken).is_ok()
+    }
+
+    /// A file on the disk for what does not fit the memory; it has no name, and the system deletes it when it is closed.
+    pub(super) fn file(&self) -> io::Result<File> {
+        tempfile::tempfile_in(&self.0.folder)
+    }
+
     fn keep(&self, mesh: SourceMesh) -> Result<Place, Problem> {
-        let taken = |free: u64| free.checked_sub(bytes_of(&mesh));
-        match self.0.free.fetch_update(Ordering::Relaxed, Ordering::Relaxed, taken) {
-            Ok(_) => Ok(Place::Held(Arc::new(mesh))),
-            Err(_) => self.put_away(&mesh).map(Place::Away).map_err(Problem::Shelve),
+        if self.take(bytes_of(&mesh)) {
+            return Ok(Place::Held(Arc::new(mesh)));
         }
+        self.put_away(&mesh).map(Place::Away).map_err(Problem::Shelve)
     }
 
     fn put_away(&self, mesh: &SourceMesh) -> io::Result<Region> {
         let mut made = self.0.file.lock();
         let shared = match &*made {
             Some(file) => Arc::clone(file),
-            None => Arc::new(Mutex::new(tempfile::tempfile_in(&self.0.folder)?)),
+            None => Arc::new(Mutex::new(self.file()?)),
         };
         *made = Some(Arc::clone(&shared));
         let mut bytes = Vec::with_capacity(bytes_of(mesh) as usize);
@@ -80,6 +91,48 @@ impl Room {
         drop(file);
         let counts = [mesh.positions.len(), mesh.normals.len(), mesh.triangles.len(), mesh.colours.len()];
         Ok(Region { file: shared, offset, counts })
+    }
+}
+
+/// The part of a room that something else than meshes takes as long as it lives.
+#[derive(Debug)]
+pub(super) struct Share {
+    room: Room,
+    bytes: u64,
+}
+
+impl Share {
+    /// Nothing of a room.
+    pub fn new(room: &Room) -> Self {
+        Self { room: room.clone(), bytes: 0 }
+    }
+
+    /// The room that it is of.
+    pub fn room(&self) -> &Room {
+        &self.room
+    }
+
+    /// Takes so many more bytes, if they are free.
+    pub fn take(&mut self, bytes: u64) -> bool {
+        let is_taken = self.room.take(bytes);
+        self.bytes += if is_taken { bytes } else { 0 };
+        is_taken
+    }
+
+    /// The same for what may as well be on the disk: under a cap it does not take the memory of what may not.
+    pub fn take_spare(&mut self, bytes: u64) -> bool {
+        self.room.0.cap_bytes.is_none() && self.take(bytes)
+    }
+
+    /// Bytes that everything else in the room takes.
+    pub fn others(&self) -> u64 {
+        self.room.0.bytes - self.room.0.free.load(Ordering::Relaxed) - self.bytes
+    }
+}
+
+impl Drop for Share {
+    fn drop(&mut self) {
+        self.room.0.free.fetch_add(self.bytes, Ordering::Relaxed);
     }
 }
 

@@ -360,7 +360,9 @@ mod tests {
         let all = [mesh("a", 3), mesh("b", 1000), mesh("c", 30)];
         for free in [0, 10_000, u64::MAX] {
             let mut shelf = Shelf::new(&Room::new(free, None, folder.path()));
-            all.iter().for_each(|mesh| drop(shelf.push(mesh.clone()).unwrap()));
+            for mesh in &all {
+                shelf.push(mesh.clone()).unwrap();
+            }
             assert!(shelf.bytes_held() <= free);
             assert_eq!(shelf.bytes_held() > 0, free > 0, "{free}");
             for number in [2, 0, 1] {

@@ -92,11 +92,7 @@ impl<'a> Builder<'a> {
 
     fn vertex(&self, corner: Corner) -> Vertex {
         let normal = self.vertices.normal(corner).filter(|_| self.with_normals).unwrap_or_default();
-        Vertex {
-            position: self.vertices.position(corner),
-            normal,
-            colour: self.vertices.colour(corner),
-        }
+        Vertex { position: self.vertices.position(corner), normal, colour: self.vertices.colour(corner) }
     }
 
     /// The number of a corner's vertex, a new one if there is none like it yet.

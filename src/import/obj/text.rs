@@ -70,15 +70,20 @@ impl Text {
         while statements.advance()? {
             text.line = statements.line();
             text.add(&statements.text())?;
-            if !text.vertices.fit() {
+            if let Err(problem) = text.vertices.settle() {
                 let rest_bytes = bytes_of_rest(&mut statements)?;
-                text.vertices.check(text.faces.bytes() + rest_bytes)?;
+                return Err(text.check(rest_bytes).err().unwrap_or(problem));
             }
         }
         let largest = text.faces.chunks().iter().map(|gathered| gathered.triangles).max();
         let build_bytes = largest.unwrap_or_default() * super::mesh::BYTES_PER_TRIANGLE;
-        text.vertices.check(text.faces.bytes() + build_bytes)?;
+        text.check(build_bytes)?;
         Ok(text)
+    }
+
+    /// That so many bytes more than what there is now are within the cap.
+    fn check(&self, more_bytes: u64) -> Result<(), Problem> {
+        self.vertices.check(self.faces.bytes() + more_bytes)
     }
 
     fn new(room: &Room) -> Self {
@@ -224,7 +229,11 @@ mod tests {
     fn positions(text: &mut Text) -> Vec<Vec<u32>> {
         let chunks = faces(text);
         assert!(chunks.len() < 2, "{chunks:?}");
-        chunks.into_iter().flatten().map(|face| face.into_iter().map(|(position, _)| position).collect()).collect()
+        chunks
+            .into_iter()
+            .flatten()
+            .map(|face| face.into_iter().map(|(position, _)| position).collect())
+            .collect()
     }
 
     #[test]
@@ -293,9 +302,8 @@ mod tests {
         let mut text = read(&format!(
             "{SQUARE}mtllib a b.mtl\no\ng none\no box\ng one two\nusemtl red\nf 1 2 3\nusemtl\nf 1 2 4\nusemtl red\nf 1 3 4\n"
         ));
-        let names = |chunk: Chunk| {
-            [chunk.object, chunk.group, chunk.material].map(|number| text.names.get(number))
-        };
+        let names =
+            |chunk: Chunk| [chunk.object, chunk.group, chunk.material].map(|number| text.names.get(number));
         let chunks: Vec<_> = text.faces.chunks().iter().map(|gathered| names(gathered.chunk)).collect();
         assert_eq!(chunks, [["box", "one two", "red"], ["box", "one two", ""]]);
         assert_eq!(text.libraries, ["a b.mtl"]);

@@ -114,17 +114,18 @@ impl Vertices {
         lists.iter().sum::<usize>() as u64
     }
 
-    /// Whether the tables may grow by another vertex.
-    pub fn fit(&mut self) -> bool {
-        while self.bytes() >= self.granted {
+    /// Takes room for what was added.
+    ///
+    /// # Errors
+    /// As [`Self::check`].
+    pub fn settle(&mut self) -> Result<(), Problem> {
+        while self.bytes() > self.granted {
             self.granted += STEP_BYTES;
             // Where there is no room left for meshes, the cap alone counts.
             self.share.take(STEP_BYTES);
-            if self.check(0).is_err() {
-                return false;
-            }
+            self.check(0)?;
         }
-        true
+        Ok(())
     }
 
     /// That reading can be done within the cap, with so many more bytes than there are now.
@@ -205,10 +206,10 @@ mod tests {
         let mut vertices = Vertices::new(&room);
         for _ in 0..1 << 18 {
             vertices.add_position("1 2 3").unwrap();
-            assert!(vertices.fit());
+            vertices.settle().unwrap();
         }
         let outside = Share::new(&room);
-        assert_eq!(outside.others(), 4 << 20, "3 MiB of positions and what the next may take");
+        assert_eq!(outside.others(), 3 << 20);
         drop(vertices);
         assert_eq!(outside.others(), 0);
     }

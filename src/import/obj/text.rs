@@ -341,7 +341,8 @@ mod tests {
             let Problem::TooLittleMemory { need_bytes, .. } = read(too_little).unwrap_err() else {
                 panic!("{too_little} is refused for another reason");
             };
-            assert!(need_bytes <= enough + enough / 50, "{need_bytes} of {enough}");
+            // Whether the vertices that were not read have colours is not known.
+            assert!(need_bytes <= enough + 4 * 200_000, "{need_bytes} of {enough}");
             read(need_bytes).unwrap();
         }
     }

@@ -22,7 +22,8 @@ pub struct Room {
 
 #[derive(Debug)]
 struct Walls {
-    /// How many more bytes of meshes may be in memory.
+    /// How many bytes of meshes may be in memory, and how many more.
+    bytes: u64,
     free: AtomicU64,
     cap_bytes: Option<u64>,
     folder: PathBuf,
@@ -42,7 +43,7 @@ impl Room {
     /// without may take `cap_bytes` of memory.
     pub fn new(bytes: u64, cap_bytes: Option<u64>, folder: &Path) -> Self {
         let free = AtomicU64::new(bytes);
-        let walls = Walls { free, cap_bytes, folder: folder.to_owned(), file: Mutex::default() };
+        let walls = Walls { bytes, free, cap_bytes, folder: folder.to_owned(), file: Mutex::default() };
         Self { walls: Arc::new(walls), stop: Arc::default() }
     }
 
@@ -71,19 +72,29 @@ impl Room {
         fits.then_some(()).ok_or(Problem::TooLittleMemory { cap_bytes, need_bytes, what })
     }
 
+    /// Takes so many bytes, if they are free.
+    fn take(&self, bytes: u64) -> bool {
+        let taken = |free: u64| free.checked_sub(bytes);
+        self.walls.free.fetch_update(Ordering::Relaxed, Ordering::Relaxed, taken).is_ok()
+    }
+
+    /// A file on the disk for what does not fit the memory; it has no name, and the system deletes it when it is closed.
+    pub(super) fn file(&self) -> io::Result<File> {
+        tempfile::tempfile_in(&self.walls.folder)
+    }
+
     fn keep(&self, mesh: SourceMesh) -> Result<Place, Problem> {
-        let taken = |free: u64| free.checked_sub(bytes_of(&mesh));
-        match self.walls.free.fetch_update(Ordering::Relaxed, Ordering::Relaxed, taken) {
-            Ok(_) => Ok(Place::Held(Arc::new(mesh))),
-            Err(_) => self.put_away(&mesh).map(Place::Away).map_err(Problem::Shelve),
+        if self.take(bytes_of(&mesh)) {
+            return Ok(Place::Held(Arc::new(mesh)));
         }
+        self.put_away(&mesh).map(Place::Away).map_err(Problem::Shelve)
     }
 
     fn put_away(&self, mesh: &SourceMesh) -> io::Result<Region> {
         let mut made = self.walls.file.lock();
         let shared = match &*made {
             Some(file) => Arc::clone(file),
-            None => Arc::new(Mutex::new(tempfile::tempfile_in(&self.walls.folder)?)),
+            None => Arc::new(Mutex::new(self.file()?)),
         };
         *made = Some(Arc::clone(&shared));
         let mut bytes = Vec::with_capacity(bytes_of(mesh) as usize);
@@ -94,6 +105,48 @@ impl Room {
         drop(file);
         let counts = [mesh.positions.len(), mesh.normals.len(), mesh.triangles.len(), mesh.colours.len()];
         Ok(Region { file: shared, offset, counts })
+    }
+}
+
+/// The part of a room that something else than meshes takes as long as it lives.
+#[derive(Debug)]
+pub(super) struct Share {
+    room: Room,
+    bytes: u64,
+}
+
+impl Share {
+    /// Nothing of a room.
+    pub fn new(room: &Room) -> Self {
+        Self { room: room.clone(), bytes: 0 }
+    }
+
+    /// The room that it is of.
+    pub fn room(&self) -> &Room {
+        &self.room
+    }
+
+    /// Takes so many more bytes, if they are free.
+    pub fn take(&mut self, bytes: u64) -> bool {
+        let is_taken = self.room.take(bytes);
+        self.bytes += if is_taken { bytes } else { 0 };
+        is_taken
+    }
+
+    /// The same for what may as well be on the disk: under a cap it does not take the memory of what may not.
+    pub fn take_spare(&mut self, bytes: u64) -> bool {
+        self.room.walls.cap_bytes.is_none() && self.take(bytes)
+    }
+
+    /// Bytes that everything else in the room takes.
+    pub fn others(&self) -> u64 {
+        self.room.walls.bytes - self.room.walls.free.load(Ordering::Relaxed) - self.bytes
+    }
+}
+
+impl Drop for Share {
+    fn drop(&mut self) {
+        self.room.walls.free.fetch_add(self.bytes, Ordering::Relaxed);
     }
 }
 
@@ -116,7 +169,6 @@ fn bytes_of(mesh: &SourceMesh) -> u64 {
 pub struct Shelf {
     room: Room,
     meshes: Vec<Shelved>,
-    bytes: u64,
 }
 
 /// What is known of a mesh on the shelf.
@@ -233,11 +285,6 @@ impl Shelf {
         self.meshes.len()
     }
 
-    /// Bytes of all meshes that were put on it, wherever they are.
-    pub(super) fn bytes(&self) -> u64 {
-        self.bytes
-    }
-
     /// Puts a mesh behind the others; gives its number.
     ///
     /// # Errors
@@ -248,7 +295,6 @@ impl Shelf {
         }
         let number = index_of(self.meshes.len())?;
         let shelved = Shelved::of(&mut mesh);
-        self.bytes += bytes_of(&mesh);
         let place = Mutex::new(self.room.keep(mesh)?);
         self.meshes.push(Shelved { place, ..shelved });
         Ok(number)

@@ -18,6 +18,7 @@ mod hostile;
 mod input;
 mod interrupted;
 mod live;
+mod memory;
 mod models;
 mod pipes;
 mod report;

@@ -54,6 +54,11 @@ pub fn placed_glb(positions: &[[f32; 3]], indices: &[u32], mode: u32, placements
         ],
         "buffers": [{"byteLength": binary.len()}],
     });
+    glb_of(&root, &binary)
+}
+
+/// A GLB file of a text and its buffer, whose length is a multiple of four.
+pub fn glb_of(root: &serde_json::Value, binary: &[u8]) -> Vec<u8> {
     let mut json = root.to_string().into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
     let length = |bytes: usize| (bytes as u32).to_le_bytes();
@@ -66,7 +71,7 @@ pub fn placed_glb(positions: &[[f32; 3]], indices: &[u32], mode: u32, placements
         &json,
         &length(binary.len()),
         b"BIN\0",
-        &binary,
+        binary,
     ]
     .concat()
 }

@@ -1,4 +1,4 @@
-//! PLY and STL in every encoding.
+//! PLY and STL in every encoding, and OBJ against another reader.
 
 use super::made::{Ends, Ply, binary_stl, corners_of, made, ply, text_stl};
 use super::*;
@@ -250,5 +250,41 @@ fn stl_agrees_with_another_reader() {
         let other = stl_io::read_stl(&mut fs::File::open(path).unwrap()).unwrap();
         let corners = other.faces.iter().flat_map(|face| face.vertices.map(|v| other.vertices[v].0));
         assert_eq!(positions(&model.meshes[0]), corners.collect::<Vec<_>>(), "{name}");
+    }
+}
+
+/// The corners of all triangles, mesh by mesh, as another reader finds them.
+fn corners_by_tobj(text: &[u8]) -> Vec<Vec<[f32; 3]>> {
+    let mut lines = text;
+    let loaded = tobj::load_obj_buf(&mut lines, &tobj::LoadOptions::default(), |_| unreachable!());
+    let corners = |mesh: &tobj::Mesh| {
+        let positions = mesh.positions.as_chunks::<3>().0;
+        mesh.indices.iter().map(|&index| positions[index as usize]).collect()
+    };
+    loaded.unwrap().0.iter().map(|model| corners(&model.mesh)).collect()
+}
+
+/// Objects of some triangles each, which refer to vertices forwards and backwards, with normals and without.
+fn made_obj() -> String {
+    let object = |number: i32| {
+        let vertices = (0..9).map(|i| format!("v {i} {}.25 -{number}e-1\n", i * i % 7)).collect::<String>();
+        let faces = (0..7).map(|i| match number % 3 {
+            0 => format!("f {} {} {}\n", 9 * number + i + 1, i - 8, i - 7),
+            1 => format!("f {}//1 {}//-1 {}//1\n", i - 9, 9 * number + i + 3, i - 8),
+            _ => format!("f {}/3 {}/4 1/1\n", i - 9, i - 8),
+        });
+        format!("o {number}\n{vertices}vn 0 0 1\n{}", faces.collect::<String>())
+    };
+    (0..20).map(object).collect()
+}
+
+#[test]
+fn obj_agrees_with_another_reader() {
+    let texts = dataset("obj/koala.obj").map(|path| fs::read(path).unwrap());
+    for text in texts.into_iter().chain([made_obj().into_bytes()]) {
+        // It wants texture coordinates to be there.
+        let whole = [b"vt 0 0\nvt 0 0\nvt 0 0\nvt 0 0\n", &text[..]].concat();
+        let model = read_text("a.obj", &text).unwrap();
+        assert_eq!(model.meshes.iter().map(positions).collect::<Vec<_>>(), corners_by_tobj(&whole));
     }
 }

@@ -17,12 +17,14 @@ pub struct Accessors<'a> {
     root: &'a Root,
     buffers: &'a Buffers<'a>,
     readers: FxHashMap<usize, Rc<Reader<'a>>>,
+    /// Bytes of the buffers that readers which were asked for reach over.
+    pub bytes_reached: u64,
 }
 
 impl<'a> Accessors<'a> {
     /// No readers yet.
     pub fn new(root: &'a Root, buffers: &'a Buffers<'a>) -> Self {
-        Self { root, buffers, readers: FxHashMap::default() }
+        Self { root, buffers, readers: FxHashMap::default(), bytes_reached: 0 }
     }
 
     /// The reader of an accessor.
@@ -31,9 +33,15 @@ impl<'a> Accessors<'a> {
     ///
     /// [`Problem::Malformed`] if it is not there, or promises more than its buffer holds.
     pub fn get(&mut self, index: usize) -> Result<Rc<Reader<'a>>, Problem> {
-        if let Some(reader) = self.readers.get(&index) {
-            return Ok(Rc::clone(reader));
-        }
+        let reader = match self.readers.get(&index) {
+            Some(reader) => Rc::clone(reader),
+            None => self.open(index)?,
+        };
+        self.bytes_reached += reader.elements.map_or(0, |elements| elements.bytes.len() as u64);
+        Ok(reader)
+    }
+
+    fn open(&mut self, index: usize) -> Result<Rc<Reader<'a>>, Problem> {
         let malformed = |what: String| Problem::Malformed(format!("accessor {index} {what}"));
         let accessor = self.root.accessors.get(index).ok_or_else(|| malformed("is not there".to_owned()))?;
         let reader = Reader::new(accessor, self.root, self.buffers).map_err(|fault| match fault {

@@ -83,6 +83,11 @@ impl<'a> Geometry<'a> {
         }
     }
 
+    /// Bytes of the buffers that all readings reached over, each time anew.
+    pub fn bytes_reached(&self) -> u64 {
+        self.accessors.bytes_reached
+    }
+
     /// Moves the notes of all readings behind others.
     pub fn take_notes(&mut self, notes: &mut Notes) {
         notes.append(std::mem::take(&mut self.notes));

@@ -32,8 +32,8 @@ use nodes::Placed;
 /// Bytes of memory that tables take for each byte of the text that they come from.
 const TEXT_FACTOR: u64 = 6;
 
-/// After so many bytes of meshes the memory of the pages that they were read from is given back.
-const BYTES_TO_RELEASE: u64 = 32 << 20;
+/// After so many bytes of buffers the memory of the pages that were read is given back.
+const BYTES_TO_RELEASE: u64 = 16 << 20;
 
 /// Reads one glTF or GLB file and the buffers beside it.
 ///
@@ -82,8 +82,8 @@ impl<'a> Importer<'a> {
         let mut read = 0;
         for (number, node) in placed.into_iter().enumerate() {
             self.place_mesh(number as u32, &node)?;
-            if self.model.meshes.bytes() - read > BYTES_TO_RELEASE {
-                read = self.model.meshes.bytes();
+            if self.geometry.bytes_reached() - read > BYTES_TO_RELEASE {
+                read = self.geometry.bytes_reached();
                 release();
             }
             self.model.nodes.push(node.node);

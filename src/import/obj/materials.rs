@@ -27,7 +27,7 @@ pub fn read(from: &Path, libraries: &[String], notes: &mut Notes) -> Materials {
             let loaded =
                 result.and_then(|path| if seen.insert(path.clone()) { load(&path) } else { Ok(Vec::new()) });
             match loaded {
-                Ok(list) => list.into_iter().for_each(|material| materials.push(&material)),
+                Ok(list) => list.into_iter().for_each(|material| materials.push(material)),
                 Err(problem) => {
                     let what = "material libraries skipped";
                     notes.count(what, 1, || format!("{problem}, named in {}", quoted(library)));
@@ -47,42 +47,35 @@ fn paths_of(from: &Path, library: &str) -> Vec<Result<PathBuf, Problem>> {
     library.split_ascii_whitespace().map(|name| folder::resolve(from, name)).collect()
 }
 
-/// Reads one library.
-fn load(path: &Path) -> Result<Vec<tobj::Material>, Problem> {
+/// Reads one library: of every material the last colour and the last opacity that make sense, whatever else is wrong.
+fn load(path: &Path) -> Result<Vec<Material>, Problem> {
     let text = fs::read(path).map_err(Problem::Read)?;
-    let clean = normalised(&String::from_utf8_lossy(&text));
-    let (materials, _) = tobj::load_mtl_buf(&mut clean.as_bytes())
-        .map_err(|error| Problem::Malformed(format!("the material library is malformed ({error})")))?;
+    let mut materials = Vec::new();
+    String::from_utf8_lossy(&text).lines().for_each(|line| read_line(line.trim(), &mut materials));
     Ok(materials)
 }
 
-/// Keeps only the statements that are used, and of those only what `tobj` reads: it panics at a colour of
-/// fewer than three numbers, and gives up a whole library for one bad line.
-fn normalised(text: &str) -> String {
-    text.lines().filter_map(|line| normalised_line(line.trim())).collect()
-}
-
-fn normalised_line(line: &str) -> Option<String> {
-    let (keyword, rest) = line.split_once([' ', '\t'])?;
+fn read_line(line: &str, materials: &mut Vec<Material>) {
+    let Some((keyword, rest)) = line.split_once([' ', '\t']) else { return };
     let rest = rest.trim();
+    if keyword == "newmtl" {
+        return materials.push(Material { name: rest.to_owned(), ..Material::default() });
+    }
+    let Some(Material { base_colour: [r, g, b, alpha], .. }) = materials.last_mut() else { return };
     let numbers: Vec<f32> = rest.split_whitespace().map_while(|word| word.parse().ok()).collect();
     match (keyword, &numbers[..]) {
-        ("newmtl", _) => Some(format!("newmtl {rest}\n")),
-        ("Kd", &[r, g, b, ..]) => Some(format!("Kd {r} {g} {b}\n")),
-        ("Kd", &[grey]) => Some(format!("Kd {grey} {grey} {grey}\n")),
-        ("d", &[alpha, ..]) => Some(format!("d {alpha}\n")),
-        ("Tr", &[transparency, ..]) => Some(format!("d {}\n", 1.0 - transparency)),
-        _ => None,
+        ("Kd", &[red, green, blue, ..]) => [*r, *g, *b] = [red, green, blue].map(channel),
+        ("Kd", &[grey]) => [*r, *g, *b] = [channel(grey); 3],
+        ("d", &[opacity, ..]) => *alpha = channel(opacity),
+        ("Tr", &[transparency, ..]) => *alpha = channel(1.0 - transparency),
+        _ => {}
     }
 }
 
 impl Materials {
-    fn push(&mut self, material: &tobj::Material) {
-        let default = Material::default().base_colour;
-        let [r, g, b] = material.diffuse.map_or([default[0], default[1], default[2]], |rgb| rgb.map(channel));
-        let alpha = channel(material.dissolve.unwrap_or(1.0));
+    fn push(&mut self, material: Material) {
         self.by_name.insert(material.name.clone(), self.list.len() as u32);
-        self.list.push(Material { name: material.name.clone(), base_colour: [r, g, b, alpha] });
+        self.list.push(material);
     }
 }
 

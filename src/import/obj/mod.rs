@@ -1,12 +1,15 @@
 //! A Wavefront OBJ file in, a [`Model`] out.
 //!
-//! The text goes through a [`Normaliser`], which leaves `tobj` only lines that it reads well; what `tobj`
-//! returns is gathered by object, group and material, its polygons are cut into triangles, and each such
-//! chunk becomes one part with one instance. Nodes: an object at the root, its groups below it.
+//! The [`Text`] is read once: vertices go to tables, and faces, with absolute indices, to a list of runs by object, group
+//! and material, of which little stays in memory. Then the polygons of one such chunk after another are cut into
+//! triangles, and each chunk becomes one part with one instance. Nodes: an object at the root, its groups below it.
 
+mod faces;
 mod materials;
 mod mesh;
-mod normalise;
+mod statements;
+mod text;
+mod vertices;
 
 use glam::DAffine3;
 use rustc_hash::FxHashMap;
@@ -14,53 +17,30 @@ use rustc_hash::FxHashMap;
 use super::input::{Input, stem_of};
 use super::notes::{Notes, quoted};
 use super::{Instance, Model, Node, Problem, Shelf, SourceMesh, index_of, part_name};
+use faces::Chunk;
 use materials::Materials;
-use normalise::{Chunk, Names, Normaliser};
-
-/// Bytes of memory that reading takes for each byte of the text.
-const TEXT_FACTOR: u64 = 3;
+use text::{Names, Text};
 
 /// Reads one OBJ file and the material libraries beside it.
 ///
 /// # Errors
 ///
-/// [`Problem::Line`] for a vertex that is no three numbers, [`Problem::Read`] if the file cannot be read. Bad
-/// faces are skipped and noted.
+/// [`Problem::Line`] for a vertex that is no three numbers, [`Problem::Read`] if the file cannot be read,
+/// [`Problem::TooLittleMemory`] if its vertices do not fit the memory. Bad faces are skipped and noted.
 pub(super) fn read(input: &Input<'_>, shelf: Shelf) -> Result<Model<Shelf>, Problem> {
-    shelf.room().check(|| Ok(input.length()? * TEXT_FACTOR), "reading OBJ text takes")?;
-    let coloured = normalise::has_vertex_colours(input.open()?)?;
-    let mut text = Normaliser::new(input.open()?, coloured);
-    let options = tobj::LoadOptions::default();
-    // The normaliser keeps `mtllib` lines to itself, so the loader is never asked.
-    let loaded = tobj::load_obj_buf(&mut text, &options, |_| Err(tobj::LoadError::OpenFileFailed));
-    let parsed = text.finish()?;
-    let (models, _) =
-        loaded.map_err(|error| Problem::Malformed(format!("the OBJ text is malformed ({error})")))?;
-
-    let mut notes = parsed.notes;
-    let materials = materials::read(input.path, &parsed.libraries, &mut notes);
-    let mut assembly = Assembly::new(materials, &parsed.names, stem_of(input.path), shelf);
-    for (chunk, meshes) in parsed.chunks.iter().zip(by_chunk(models, parsed.chunks.len())) {
-        let mesh = mesh::build(&meshes, &mut notes);
+    let Text { vertices, mut faces, names, libraries, mut notes, .. } =
+        Text::read(input.open()?, shelf.room())?;
+    let materials = materials::read(input.path, &libraries, &mut notes);
+    let mut assembly = Assembly::new(materials, &names, stem_of(input.path), shelf);
+    for (gathered, runs) in faces.by_chunk() {
+        let mesh = mesh::build(&vertices, gathered, runs, &mut notes)?;
         if !mesh.triangles.is_empty() {
-            assembly.place(*chunk, mesh, &mut notes)?;
+            assembly.place(gathered.chunk, mesh, &mut notes)?;
         }
     }
     let mut model = assembly.model;
     model.notes = notes.into_lines();
     Ok(model)
-}
-
-/// Sorts what `tobj` returned by the chunk numbers that the normaliser gave it as names.
-fn by_chunk(models: Vec<tobj::Model>, chunk_count: usize) -> Vec<Vec<tobj::Mesh>> {
-    let mut sorted = vec![Vec::new(); chunk_count];
-    for model in models {
-        let chunk = model.name.parse().ok().and_then(|chunk: usize| sorted.get_mut(chunk));
-        if let Some(meshes) = chunk {
-            meshes.push(model.mesh);
-        }
-    }
-    sorted
 }
 
 /// The model while it grows.

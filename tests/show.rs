@@ -94,7 +94,7 @@ fn a_pick_finds_the_instance_and_the_point_that_a_ray_meets() {
     for camera in [perspective, front(&scene)] {
         let mut renderer = Renderer::new(Arc::clone(&gpu), Arc::clone(&scene), settings()).unwrap();
         settle(&mut renderer, &camera);
-        let (mut hits, mut misses) = (0, 0);
+        let (mut hits, mut misses, mut normals) = (0, 0, 0);
         for at in (0..SIZE * SIZE).step_by(97).map(|i| [i % SIZE, i / SIZE]) {
             let centre = |i: u32| DVec3::X * 3.0 * f64::from(i);
             let met = (0..4).filter_map(|i| Some((i, on_sphere(&camera, at, centre(i))?)));
@@ -117,9 +117,16 @@ fn a_pick_finds_the_instance_and_the_point_that_a_ray_meets() {
                 hits += 1;
                 assert_eq!(found.instance, instance, "{at:?}");
                 assert!((found.point - point).length() < 0.06, "{at:?}: {} {point}", found.point);
+                if facing > 0.6 {
+                    let normal = renderer.normal_at(at, &found).unwrap().unwrap();
+                    // The facets of the spheres are a few degrees wide.
+                    let off = normal.angle_between(point - centre(instance)).to_degrees();
+                    assert!(off < 12.0, "{at:?}: {normal} is off by {off} degrees");
+                    normals += 1;
+                }
             }
         }
-        assert!(hits > 10 && misses > 10, "{hits} {misses}");
+        assert!(hits > 10 && misses > 10 && normals > 5, "{hits} {misses} {normals}");
         assert_eq!(renderer.pick([SIZE, 0]).unwrap(), None);
     }
 }

@@ -43,6 +43,9 @@ impl Looks {
     }
 }
 
+/// How many pixels away a face is looked at to see how it lies.
+const FACE_PX: i32 = 3;
+
 /// An instance and a point of its surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pick {
@@ -159,6 +162,30 @@ impl Renderer {
         };
         let picked = pass.pick(&self.gpu, &uniform.of_pixel([x, y], size), &list)?;
         Ok(picked.map(|picked| Pick { instance: picked.instance, point: camera.eye + picked.relative }))
+    }
+
+    /// The unit normal, towards the eye, of the surface that was picked in a pixel: by the points of pixels beside it that
+    /// are nearest to its own. `None` where the instance is too small in the picture. Waits for the GPU.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn normal_at(&mut self, [x, y]: [u32; 2], pick: &Pick) -> Result<Option<DVec3>, FrameError> {
+        let mut beside = |dx: i32, dy: i32| -> Result<Option<DVec3>, FrameError> {
+            let [Some(x), Some(y)] = [x.checked_add_signed(dx), y.checked_add_signed(dy)] else {
+                return Ok(None);
+            };
+            let found = self.pick([x, y])?.filter(|found| found.instance == pick.instance);
+            Ok(found.map(|found| found.point - pick.point))
+        };
+        let nearer = |ahead: Option<DVec3>, behind: Option<DVec3>| match (ahead, behind) {
+            (Some(ahead), Some(behind)) if behind.length() < ahead.length() => Some(-behind),
+            (ahead, behind) => ahead.or(behind.map(|behind| -behind)),
+        };
+        let across = nearer(beside(FACE_PX, 0)?, beside(-FACE_PX, 0)?);
+        let along = nearer(beside(0, FACE_PX)?, beside(0, -FACE_PX)?);
+        let normal = across.zip(along).and_then(|(across, along)| along.cross(across).try_normalize());
+        let Some(camera) = self.shown else { return Ok(None) };
+        Ok(normal.map(|normal| if normal.dot(camera.forward()) > 0.0 { -normal } else { normal }))
     }
 
     /// Draws into another target from now on; the last one comes back, with its picture.

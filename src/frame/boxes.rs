@@ -1,7 +1,7 @@
 //! Instances of which nothing has arrived in, the boxes that stand in for them out.
 
 use super::places::{Places, runs};
-use super::{FrameError, PassesOn, Renderer};
+use super::{FrameError, Renderer};
 use crate::geometry::Grid;
 use crate::geometry::record::Attributes;
 use crate::gpu::{Gpu, GpuError};
@@ -126,7 +126,7 @@ impl Renderer {
                 && !self.parent_is_drawn(instance)
         });
         let instances: Vec<u32> = small.map(|(&instance, _)| instance).take(MOST).collect();
-        let gpu = (self.settings.passes != PassesOn::Nowhere).then_some(&*self.gpu);
+        let gpu = self.settings.passes.sends_to(&self.gpu);
         Ok(self.boxes.set(gpu, &self.draw, (&self.scene, self.looks.all()), &instances)?)
     }
 

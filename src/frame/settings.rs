@@ -1,5 +1,6 @@
 //! What the caller decides about a frame: what is spent, where stages run, how large the picture is.
 
+use crate::gpu::Gpu;
 use crate::select::SelectOn;
 use crate::stream::Strategy;
 
@@ -13,6 +14,13 @@ pub enum PassesOn {
     Reference,
     /// Nowhere: what would be sent and drawn is counted, and nothing is sent or drawn.
     Nowhere,
+}
+
+impl PassesOn {
+    /// The GPU, if anything is sent to it.
+    pub(super) fn sends_to(self, gpu: &Gpu) -> Option<&Gpu> {
+        (self != Self::Nowhere).then_some(gpu)
+    }
 }
 
 /// How to render.

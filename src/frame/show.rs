@@ -107,7 +107,7 @@ impl Renderer {
             return 0;
         }
         let looks = &self.looks.all;
-        let gpu = (self.settings.passes != PassesOn::Nowhere).then_some(&*self.gpu);
+        let gpu = self.settings.passes.sends_to(&self.gpu);
         self.batches.iter().map(|batch| batch.write_looks(&self.gpu, looks)).sum::<u64>()
             + self.boxes.write_looks(gpu, looks)
     }

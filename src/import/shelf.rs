@@ -61,15 +61,13 @@ impl Room {
     ///
     /// # Errors
     /// [`Problem::TooLittleMemory`].
-    pub(super) fn check(
-        &self,
-        need_bytes: impl FnOnce() -> Result<u64, Problem>,
-        what: &'static str,
-    ) -> Result<(), Problem> {
-        let Some(cap_bytes) = self.walls.cap_bytes else { return Ok(()) };
-        let need_bytes = need_bytes()?;
-        let fits = need_bytes <= cap_bytes;
-        fits.then_some(()).ok_or(Problem::TooLittleMemory { cap_bytes, need_bytes, what })
+    pub(super) fn check(&self, need_bytes: u64, what: &'static str) -> Result<(), Problem> {
+        match self.walls.cap_bytes {
+            Some(cap_bytes) if need_bytes > cap_bytes => {
+                Err(Problem::TooLittleMemory { cap_bytes, need_bytes, what })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Takes so many bytes, if they are free.
@@ -306,10 +304,9 @@ impl Shelf {
     /// [`Problem::TooMany`].
     pub(super) fn repeat(&mut self, mesh: u32) -> Result<u32, Problem> {
         let number = index_of(self.meshes.len())?;
-        let Shelved { name, body, triangles, is_coloured, tint, hash, place } = &self.meshes[mesh as usize];
-        let (name, place) = (name.clone(), Mutex::new(place.lock().clone()));
-        let (body, triangles, is_coloured, tint, hash) = (*body, *triangles, *is_coloured, *tint, *hash);
-        self.meshes.push(Shelved { name, body, triangles, is_coloured, tint, hash, place });
+        let shelved = &self.meshes[mesh as usize];
+        let (name, place) = (shelved.name.clone(), Mutex::new(shelved.place.lock().clone()));
+        self.meshes.push(Shelved { name, place, ..*shelved });
         Ok(number)
     }
 

@@ -269,6 +269,10 @@ impl Store {
             return Err(failed("it is not a small file".to_owned()));
         }
         let text = std::fs::read_to_string(&path).map_err(|error| failed(error.to_string()))?;
+        // Settings could be a list as well, and an empty one would stand for the first ones.
+        if text.trim_start().starts_with('[') {
+            return Err(failed("it is a list, and not settings by name".to_owned()));
+        }
         let settings: Settings = serde_json::from_str(&text).map_err(|error| failed(error.to_string()))?;
         Ok(settings.sane())
     }
@@ -320,7 +324,7 @@ mod tests {
     fn a_damaged_file_is_said_to_be_one_and_kept() {
         let folder = tempfile::tempdir().unwrap();
         let (store, path) = (Store::in_folder(folder.path()), folder.path().join("settings.json"));
-        for text in ["", "{", "7", "{\"alpha\": \"three\"}", "{\"theme\": \"pink\"}"] {
+        for text in ["", "{", "[]", "7", "{\"alpha\": \"three\"}", "{\"theme\": \"pink\"}"] {
             std::fs::write(&path, text).unwrap();
             let message = store.load().unwrap_err().to_string();
             assert!(message.ends_with("settings.json"), "{message}");

@@ -68,19 +68,21 @@ pub fn parse(bytes: &[u8]) -> Result<Document<'_>, Problem> {
     }
 }
 
+/// The word at a place of a GLB; `None` beyond its end.
+fn word(bytes: &[u8], at: usize) -> Option<u32> {
+    bytes.get(at..)?.first_chunk().map(|word| u32::from_le_bytes(*word))
+}
+
 /// How long the JSON of a file says that it is, at most as long as the file.
 pub fn text_bytes(bytes: &[u8]) -> u64 {
-    let word =
-        |at: usize| bytes.get(at..).and_then(<[u8]>::first_chunk).map(|word| u32::from_le_bytes(*word));
-    let declared = word(12).filter(|_| bytes.starts_with(b"glTF")).map_or(u64::MAX, u64::from);
+    let declared = word(bytes, 12).filter(|_| bytes.starts_with(b"glTF")).map_or(u64::MAX, u64::from);
     declared.min(bytes.len() as u64)
 }
 
 /// The JSON and the binary chunk of a GLB.
 fn split_glb(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), Problem> {
     let malformed = |what: String| Problem::Malformed(format!("the GLB container is malformed ({what})"));
-    let word = |at: usize| bytes[at..].first_chunk().map(|word| u32::from_le_bytes(*word));
-    let (Some(_version), Some(declared)) = (word(4.min(bytes.len())), word(8.min(bytes.len()))) else {
+    let (Some(_version), Some(declared)) = (word(bytes, 4), word(bytes, 8)) else {
         return Err(malformed("its header is cut short".to_owned()));
     };
     let declared = declared as usize;

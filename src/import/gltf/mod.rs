@@ -44,8 +44,8 @@ const BYTES_TO_RELEASE: u64 = 16 << 20;
 /// corners, and placements that are not finite are skipped and noted.
 pub(super) fn read(input: &Input<'_>, shelf: Shelf) -> Result<Model<Shelf>, Problem> {
     let bytes = input.bytes()?;
-    let need = || Ok(bytes.held() + document::text_bytes(&bytes) * TEXT_FACTOR);
-    shelf.room().check(need, "the text of this glTF and its tables take")?;
+    let need_bytes = bytes.held() + document::text_bytes(&bytes) * TEXT_FACTOR;
+    shelf.room().check(need_bytes, "the text of this glTF and its tables take")?;
     let document = document::parse(&bytes)?;
     let buffers = buffers::load(&document, input.path)?;
     let placed = nodes::walk(&document.root)?;

@@ -134,7 +134,7 @@ impl Vertices {
     /// [`Problem::TooLittleMemory`].
     pub fn check(&self, more_bytes: u64) -> Result<(), Problem> {
         let need_bytes = self.share.others() + self.bytes() + BYTES_AT_LEAST + more_bytes;
-        self.share.room().check(|| Ok(need_bytes), "reading the vertices of OBJ text takes")
+        self.share.room().check(need_bytes, "reading the vertices of OBJ text takes")
     }
 }
 

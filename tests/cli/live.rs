@@ -57,9 +57,11 @@ fn a_flight_from_a_slow_disk_draws_what_has_arrived_and_waits_for_nothing() {
     }
     let place = place();
     let slow = ["--path", "walk", "--read-rate", "500kB"];
-    let (_, warm) = fly(&place, "warm", "150", &["--path", "walk"]);
+    let (_, warm) = fly(&place, "warm", "200", &["--path", "walk"]);
     let (_, waiting) = fly(&place, "waiting", "4", &slow);
-    let (summary, live) = fly(&place, "live", "150", &[&slow as &[&str], &["--live"]].concat());
+    // The disk is as slow on every machine: one that draws fast must not be at the end before it has read.
+    let paced = ["--live", "--fps", "25"];
+    let (summary, live) = fly(&place, "live", "200", &[&slow as &[&str], &paced].concat());
     // Boxes come first, then parts, then their detail.
     assert!(live[0].boxes > 0 && live[0].drawn_area_permille < 900, "{:?}", live[0]);
     let half = live.iter().position(|record| 2 * record.active_vertices >= record.wished_vertices).unwrap();
@@ -89,7 +91,8 @@ fn a_camera_at_rest_sees_detail_come_in_until_all_is_there() {
     if !has_gpu("cli::live::a_camera_at_rest_sees_detail_come_in_until_all_is_there") {
         return;
     }
-    let (summary, live) = fly(&place(), "still", "200", &["--path", "still", "--read-rate", "1MB", "--live"]);
+    let slow = ["--path", "still", "--read-rate", "1MB", "--live", "--fps", "50"];
+    let (summary, live) = fly(&place(), "still", "200", &slow);
     let steps = live.windows(2).filter(|pair| pair[1].active_vertices > pair[0].active_vertices).count();
     assert!(steps > 10, "detail came in {steps} steps");
     let full = summary.full_detail_ms.expect("it never got all of its detail");

@@ -36,16 +36,17 @@ pub fn cut_to(mesh: WeldedMesh, max_vertices: usize, max_triangles: usize) -> Ve
     let mut pieces = Vec::new();
     let mut last_count = vec![0; mesh.wedges.len()];
     let mut counts = 0;
+    let centroids = centroids(&mesh);
     let mut stack = vec![(0..mesh.triangles.len() as u32).collect::<Vec<u32>>()];
     while let Some(mut piece) = stack.pop() {
         counts += 1;
-        let fits = piece.len() <= max_triangles
-            && wedge_count(&mesh, &piece, &mut last_count, counts) <= max_vertices;
+        let fits =
+            piece.len() <= max_triangles && has_at_most(max_vertices, &mesh, &piece, &mut last_count, counts);
         if fits || piece.len() == 1 {
             pieces.push(piece);
             continue;
         }
-        let upper = halve(&mesh, &mut piece);
+        let upper = halve(&mesh, &centroids, &mut piece);
         stack.push(upper);
         stack.push(piece);
     }
@@ -54,25 +55,31 @@ pub fn cut_to(mesh: WeldedMesh, max_vertices: usize, max_triangles: usize) -> Ve
     pieces.into_iter().map(|piece| cell(&mesh, piece, &owners, &mut local)).collect()
 }
 
-/// How many wedges a piece has; `last_count` is the number of the last count that each wedge was in, `this` of this one.
-fn wedge_count(mesh: &WeldedMesh, piece: &[u32], last_count: &mut [u32], this: u32) -> usize {
+/// Whether a piece has at most so many wedges; `last_count` is the number of the last count that each wedge was in,
+/// `this` of this one.
+fn has_at_most(most: usize, mesh: &WeldedMesh, piece: &[u32], last_count: &mut [u32], this: u32) -> bool {
     let wedges = piece.iter().flat_map(|&t| mesh.triangles[t as usize]);
-    wedges.filter(|&wedge| std::mem::replace(&mut last_count[wedge as usize], this) != this).count()
+    let mut first = wedges.filter(|&w| std::mem::replace(&mut last_count[w as usize], this) != this);
+    first.nth(most).is_none()
+}
+
+/// The sum of the corners of every triangle, in grid steps.
+fn centroids(mesh: &WeldedMesh) -> Vec<[u32; 3]> {
+    let count = mesh.triangles.len() as u32;
+    let sum = |triangle| spans(corners(mesh, triangle)).map(|[_, _, sum]| sum);
+    (0..count).map(sum).collect()
 }
 
 /// Keeps the lower half of a piece and returns the upper.
-fn halve(mesh: &WeldedMesh, piece: &mut Vec<u32>) -> Vec<u32> {
-    let slabs = Slabs::along_axes(mesh, piece);
+fn halve(mesh: &WeldedMesh, centroids: &[[u32; 3]], piece: &mut Vec<u32>) -> Vec<u32> {
+    let slabs = Slabs::along_axes(mesh, centroids, piece);
     let cut = slabs.iter().flatten().filter_map(Slabs::best_cut).min_by_key(|cut| cut.reaching);
     let Some(cut) = cut else {
         // All in one slab along every axis: any half is as good as the other.
         return piece.split_off(piece.len() / 2);
     };
     // Both keep the order of the mesh, which runs along the surface.
-    let (lower, upper) = piece.iter().partition(|&&triangle| {
-        let [a, b, c] = corners(mesh, triangle).map(|corner| corner[cut.axis]);
-        a + b + c < cut.at
-    });
+    let (lower, upper) = piece.iter().partition(|&&triangle| centroids[triangle as usize][cut.axis] < cut.at);
     *piece = lower;
     upper
 }
@@ -92,6 +99,8 @@ fn spans([a, b, c]: [[u32; 3]; 3]) -> [[u32; 3]; 3] {
 
 /// Slabs of equal width along an axis that centroids are counted in.
 const SLABS: usize = 128;
+/// So many that a product with a reciprocal is exact, rounded down: a distance takes 23 bits and a width 17.
+const RECIPROCAL_BITS: u32 = 40;
 /// The smaller side of a cut gets at least this share of the triangles.
 const LEAST_SHARE: f64 = 0.35;
 
@@ -100,6 +109,8 @@ struct Slabs {
     axis: usize,
     low: u32,
     width: u32,
+    /// 2 to the power of [`RECIPROCAL_BITS`] over the width, rounded up.
+    reciprocal: u64,
     /// Centroids in each slab.
     centroids: [u32; SLABS],
     /// Triangles that reach over the lower side of each slab, as differences along the axis.
@@ -116,10 +127,10 @@ struct Cut {
 
 impl Slabs {
     /// Along every axis; `None` where all centroids have the same coordinate.
-    fn along_axes(mesh: &WeldedMesh, piece: &[u32]) -> [Option<Self>; 3] {
+    fn along_axes(mesh: &WeldedMesh, centroids: &[[u32; 3]], piece: &[u32]) -> [Option<Self>; 3] {
         let mut range = [[u32::MAX, 0]; 3];
         for &triangle in piece {
-            for ([low, high], [_, _, sum]) in range.iter_mut().zip(spans(corners(mesh, triangle))) {
+            for ([low, high], sum) in range.iter_mut().zip(centroids[triangle as usize]) {
                 (*low, *high) = ((*low).min(sum), (*high).max(sum));
             }
         }
@@ -137,7 +148,8 @@ impl Slabs {
 
     fn empty(axis: usize, [low, high]: [u32; 2]) -> Option<Self> {
         let width = high.checked_sub(low).filter(|&extent| extent > 0)? / SLABS as u32 + 1;
-        Some(Self { axis, low, width, centroids: [0; SLABS], reaching: [0; SLABS + 1] })
+        let reciprocal = (1 << RECIPROCAL_BITS) / u64::from(width) + 1;
+        Some(Self { axis, low, width, reciprocal, centroids: [0; SLABS], reaching: [0; SLABS + 1] })
     }
 
     fn count(&mut self, [least, greatest, sum]: [u32; 3]) {
@@ -148,7 +160,8 @@ impl Slabs {
     }
 
     fn slab(&self, at: u32) -> usize {
-        ((at.saturating_sub(self.low) / self.width) as usize).min(SLABS - 1)
+        let along = u64::from(at.saturating_sub(self.low));
+        (((along * self.reciprocal) >> RECIPROCAL_BITS) as usize).min(SLABS - 1)
     }
 
     /// The cut that the fewest triangles reach over, of those that leave enough on both sides; the median's slab if a

@@ -21,7 +21,10 @@ pub(super) const NOTABLE: f32 = 0.4;
 /// Working memory, reused from step to step.
 #[derive(Default)]
 pub(super) struct Drift {
+    /// Of each triangle of the ring, the witness that it gets if it is left.
     fan: Vec<Spoke>,
+    /// Per neighbour, whether the middle of the new edge to it is known to be near.
+    near: Vec<bool>,
     bowed: Vec<Bowed>,
 }
 
@@ -34,49 +37,43 @@ pub(super) struct Bowed {
     pub to_ring: f32,
 }
 
-/// A triangle of the new surface, relative to the position that goes.
+/// The farthest that a triangle of the new surface was handed.
+#[derive(Clone, Copy)]
 struct Spoke {
-    triangle: u32,
-    a: Vec3,
-    b: Vec3,
     farthest: f32,
     witness: Option<Witness>,
 }
 
 impl Drift {
-    /// Carries the witnesses of a ring over its collapse onto the neighbour `target` at `offset`; returns the largest
-    /// distance and the witness that it is of. `error` is the largest of all steps so far.
+    /// Carries the witnesses of a ring over its collapse onto the neighbour `slot`; returns the largest distance and the
+    /// witness that it is of. `error` is the largest of all steps so far.
     pub fn carry(
         &mut self,
         mesh: &mut CornerMesh,
         ring: &Ring,
         position: u32,
-        target: u32,
-        offset: Vec3,
+        slot: u32,
         error: f32,
     ) -> (f32, Witness) {
         let least = (NOTABLE * error).powi(2);
         self.fan.clear();
-        self.fan.extend(ring.faces().enumerate().filter(|(_, face)| !face.touches(target)).map(
-            |(i, face)| {
-                let [a, b] = ring.corners(i);
-                Spoke { triangle: face.triangle(), a, b, farthest: least, witness: None }
-            },
-        ));
-        let own = self.hand_over([position; 2], Vec3::ZERO, offset, least);
+        self.fan.resize(ring.faces().len(), Spoke { farthest: least, witness: None });
+        let target = ring.neighbours()[slot as usize].position;
+        let left = ring.faces().filter(|face| !face.touches(target)).count();
+        let own = self.hand_over(ring, slot, [position; 2], Vec3::ZERO, least);
         let mut farthest = (own, [position; 2]);
-        let most = MOST / self.fan.len().max(1);
+        let most = MOST / left.max(1);
         let witnesses = ring.faces().take(most).filter_map(|face| mesh.witness(face.triangle()));
         for witness in witnesses {
             let point = ring.witness_point(witness);
-            let distance = self.hand_over(witness, point - ring.origin, offset, least);
+            let distance = self.hand_over(ring, slot, witness, point - ring.origin, least);
             if distance > farthest.0 {
                 farthest = (distance, witness);
             }
         }
-        if let Some(slot) = ring.slot(target).filter(|_| !self.fan.is_empty()) {
+        if left > 0 {
             let mut left = most;
-            ring.strayed(slot as u32, least, |neighbour| {
+            ring.strayed(slot, least, |neighbour| {
                 let other = neighbour.position;
                 let along = [[position, other], [position | QUARTER, other], [other | QUARTER, position]];
                 // Where the middle is near, so are the quarters.
@@ -86,7 +83,7 @@ impl Drift {
                     }
                     left -= 1;
                     let point = ring.witness_point(witness);
-                    let distance = self.hand_over(witness, point - ring.origin, offset, least);
+                    let distance = self.hand_over(ring, slot, witness, point - ring.origin, least);
                     if distance > farthest.0 {
                         farthest = (distance, witness);
                     }
@@ -96,29 +93,25 @@ impl Drift {
                 }
             });
         }
-        for spoke in &self.fan {
-            mesh.set_witness(spoke.triangle, spoke.witness);
+        for (spoke, face) in self.fan.iter().zip(ring.faces()).filter(|(_, face)| !face.touches(target)) {
+            mesh.set_witness(face.triangle(), spoke.witness);
         }
         (farthest.0.sqrt(), farthest.1)
     }
 
-    /// Finds the middles of edges that a collapse makes, where they are farther than `least` from the ring that it
-    /// replaces.
-    pub fn bow(&mut self, ring: &Ring, target: u32, offset: Vec3, least: f32) -> &[Bowed] {
+    /// Finds the middles of edges that a collapse onto the neighbour `slot` makes, where they are farther than `least`
+    /// from the ring that it replaces.
+    pub fn bow(&mut self, ring: &Ring, slot: u32, least: f32) -> &[Bowed] {
         let least = least * least;
         self.bowed.clear();
         let most = MOST / ring.faces().len().max(1);
-        for n in ring.neighbours().iter().filter(|n| n.position != target).take(most) {
+        ring.bends(slot, least, &mut self.near);
+        self.near[slot as usize] = true;
+        let offset = ring.neighbours()[slot as usize].offset();
+        let others = ring.neighbours().iter().zip(&self.near);
+        for (n, _) in others.filter(|&(_, near)| !near).take(most) {
             let middle = 0.5 * (n.offset() + offset);
-            let mut nearest = f32::INFINITY;
-            // Most often one of the triangles at the neighbour is near enough.
-            for face in ring.faces_at(n).into_iter().chain(0..ring.faces().len()) {
-                let [a, b] = ring.corners(face);
-                nearest = nearest.min(squared_distance(middle, [Vec3::ZERO, a, b]));
-                if nearest <= least {
-                    break;
-                }
-            }
+            let nearest = ring.distance_to(middle, least);
             if nearest > least {
                 let point = ring.origin + middle;
                 self.bowed.push(Bowed { point, to_end: middle.distance_squared(offset), to_ring: nearest });
@@ -128,10 +121,9 @@ impl Drift {
     }
 
     /// Takes a witness back from the triangle that it was handed to in the last step.
-    pub fn take_back(&self, mesh: &mut CornerMesh, witness: Witness) {
-        for spoke in self.fan.iter().filter(|spoke| spoke.witness == Some(witness)) {
-            mesh.set_witness(spoke.triangle, None);
-        }
+    pub fn take_back(&self, mesh: &mut CornerMesh, ring: &Ring, witness: Witness) {
+        let given = self.fan.iter().zip(ring.faces()).filter(|(spoke, _)| spoke.witness == Some(witness));
+        given.for_each(|(_, face)| mesh.set_witness(face.triangle(), None));
     }
 
     /// What [`Drift::bow`] found last.
@@ -139,31 +131,20 @@ impl Drift {
         &self.bowed
     }
 
-    /// Hands a witness to the nearest triangle; returns the squared distance, or one that is no more than `least` where
-    /// that is known to be so: no triangle keeps such a witness.
-    fn hand_over(&mut self, witness: Witness, point: Vec3, apex: Vec3, least: f32) -> f32 {
-        let mut nearest = (f32::INFINITY, usize::MAX);
-        for (i, spoke) in self.fan.iter().enumerate() {
-            let distance = squared_distance(point, [apex, spoke.a, spoke.b]);
-            if distance <= least {
-                return distance;
-            }
-            if distance < nearest.0 {
-                nearest = (distance, i);
-            }
+    /// Hands a witness to the nearest triangle that is left; returns the squared distance, or one that is no more than
+    /// `least` where that is known to be so: no triangle keeps such a witness.
+    #[inline]
+    fn hand_over(&mut self, ring: &Ring, slot: u32, witness: Witness, point: Vec3, least: f32) -> f32 {
+        let (nearest, face) = ring.nearest_left(slot, point, least);
+        if nearest == f32::INFINITY {
+            return point.distance_squared(ring.neighbours()[slot as usize].offset());
         }
-        match self.fan.get_mut(nearest.1) {
-            // A quarter makes no other witness forgotten: it is near one of its own ends.
-            Some(spoke)
-                if nearest.0 > spoke.farthest && (witness[0] & QUARTER == 0 || spoke.witness.is_none()) =>
-            {
-                spoke.farthest = nearest.0;
-                spoke.witness = Some(witness);
-                nearest.0
-            }
-            Some(_) => nearest.0,
-            None => point.distance_squared(apex),
+        let spoke = &mut self.fan[face];
+        // A quarter makes no other witness forgotten: it is near one of its own ends.
+        if nearest > spoke.farthest && (witness[0] & QUARTER == 0 || spoke.witness.is_none()) {
+            *spoke = Spoke { farthest: nearest, witness: Some(witness) };
         }
+        nearest
     }
 }
 

@@ -43,18 +43,22 @@ struct Triangle {
 }
 
 impl Triangle {
-    /// The triangle seen from a corner of it, unless it is dead.
+    fn is_alive(&self) -> bool {
+        self.positions[0] != NONE
+    }
+
+    /// The triangle seen from a corner of it.
     #[inline(always)]
-    fn face(&self, corner: u32) -> Option<Face> {
+    fn seen_from(&self, corner: u32) -> Face {
         let i = (corner & 3) as usize;
         let (j, k) = (after(i), after(after(i)));
         let (positions, wedges) = (&self.positions, &self.wedges);
-        (positions[0] != NONE).then(|| Face {
+        Face {
             corner,
             wedge: wedges[i],
             wedges: [wedges[j], wedges[k]],
             positions: [positions[j], positions[k]],
-        })
+        }
     }
 }
 
@@ -148,12 +152,13 @@ impl CornerMesh {
     }
 
     fn face(&self, corner: u32) -> Option<Face> {
-        self.triangles[(corner >> 2) as usize].face(corner)
+        let triangle = &self.triangles[(corner >> 2) as usize];
+        triangle.is_alive().then(|| triangle.seen_from(corner))
     }
 
     /// Drops the dead from a list of triangles.
     pub fn drop_dead(&self, triangles: &mut Vec<u32>) {
-        triangles.retain(|&triangle| self.triangles[triangle as usize].positions[0] != NONE);
+        triangles.retain(|&triangle| self.triangles[triangle as usize].is_alive());
     }
 
     /// The positions of a live triangle's corners.
@@ -186,20 +191,21 @@ impl CornerMesh {
         self.corners[list.range()].iter().filter_map(|&corner| self.face(corner))
     }
 
-    /// Hands the live triangles around a position to `take` and drops its dead corners.
-    #[inline]
-    pub fn collect_faces(&mut self, position: u32, mut take: impl FnMut(Face)) {
+    /// Hands the triangles around a position to `take`, each with its number among the live ones, and drops its dead
+    /// corners; a dead triangle has the number of the next, or how many are alive. Nothing here depends on which are
+    /// dead but these numbers: no processor guesses that, and triangles are far apart in memory.
+    #[inline(always)]
+    pub fn collect_faces(&mut self, position: u32, mut take: impl FnMut(usize, Face)) {
         let list = &mut self.lists[position as usize];
         let corners = &mut self.corners[list.range()];
         let triangles = self.triangles.as_slice();
         let mut kept = 0;
         for i in 0..corners.len() {
             let corner = corners[i];
-            if let Some(face) = triangles[(corner >> 2) as usize].face(corner) {
-                take(face);
-                corners[kept] = corner;
-                kept += 1;
-            }
+            let triangle = &triangles[(corner >> 2) as usize];
+            take(kept, triangle.seen_from(corner));
+            corners[kept] = corner;
+            kept += usize::from(triangle.is_alive());
         }
         list.len = kept as u32;
     }
@@ -239,7 +245,7 @@ impl CornerMesh {
 
     /// Drops dead corners, and moves a list that is still more than two thirds full to where it has room.
     fn make_room(&mut self, position: u32) {
-        self.collect_faces(position, |_| {});
+        self.collect_faces(position, |_, _| {});
         let list = self.lists[position as usize];
         if list.len * 3 <= list.room * 2 && list.room > 3 {
             return;

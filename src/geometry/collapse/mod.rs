@@ -281,11 +281,12 @@ impl<'a> Simplifier<'a> {
 
     /// Collapses a position, whose ring the evaluator has just looked at, onto a neighbour.
     fn collapse(&mut self, position: u32, target: u32, phase: Phase) {
-        let offset = self.evaluator.ring.point(target) - self.evaluator.ring.origin;
+        // The evaluator has just found it among the neighbours.
+        let slot = self.evaluator.ring.slot(target).unwrap_or(0) as u32;
         let gone = self.ends_piece(target).then(|| self.points_of(&[position, target]));
         let (carried, witness) =
-            self.drift.carry(&mut self.mesh, &self.evaluator.ring, position, target, offset, self.error);
-        let bowed = self.bowed(target, offset);
+            self.drift.carry(&mut self.mesh, &self.evaluator.ring, position, slot, self.error);
+        let bowed = self.bowed(slot);
         self.evaluator.map_wedges(&self.mesh, &self.setting, target);
         for i in 0..self.evaluator.mapping.len() {
             let (from, to) = self.evaluator.mapping[i];
@@ -306,9 +307,9 @@ impl<'a> Simplifier<'a> {
     }
 
     /// The error so far, or how far the middles of new edges are from the mesh as it was, if that is more.
-    fn bowed(&mut self, target: u32, offset: Vec3) -> f32 {
+    fn bowed(&mut self, slot: u32) -> f32 {
         let ring = &self.evaluator.ring;
-        if self.drift.bow(ring, target, offset, self.error.max(ROUNDING / self.grid_steps)).is_empty() {
+        if self.drift.bow(ring, slot, self.error.max(ROUNDING / self.grid_steps)).is_empty() {
             return self.error;
         }
         let (ring, welded) = (&self.evaluator.ring, self.welded);
@@ -526,7 +527,7 @@ impl<'a> Simplifier<'a> {
         let found = self.nearest_left(point, [distance, self.error], self.looks);
         self.looks = self.looks.saturating_sub(found.opened);
         if let Some(triangle) = found.triangle {
-            self.drift.take_back(&mut self.mesh, witness);
+            self.drift.take_back(&mut self.mesh, &self.evaluator.ring, witness);
             if found.squared > (NOTABLE * self.error).powi(2) {
                 self.hand_on(self.left[triangle], witness, found.squared);
             }

@@ -44,6 +44,11 @@ struct RingFace {
     slots: [u32; 2],
 }
 
+impl RingFace {
+    const NONE: Self =
+        Self { face: Face { corner: 0, wedge: 0, wedges: [0; 2], positions: [0; 2] }, slots: [0; 2] };
+}
+
 /// What is measured of four triangles of the ring; `a` and `b` are their other corners relative to the position. The
 /// last four repeat the last triangle if there are fewer.
 #[derive(Debug, Clone, Copy)]
@@ -222,8 +227,10 @@ impl Ring {
     #[inline(always)]
     fn gather(&mut self, mesh: &mut CornerMesh, position: u32) {
         // Triangles are far apart in memory: all are loaded before anything is done with one of them.
-        let faces = &mut self.faces;
-        mesh.collect_faces(position, |face| faces.push(RingFace { face, slots: [0; 2] }));
+        self.faces.resize(mesh.listed(position), RingFace::NONE);
+        let faces = self.faces.as_mut_slice();
+        mesh.collect_faces(position, |kept, face| faces[kept].face = face);
+        self.faces.truncate(mesh.listed(position));
         let mut notes = Notes {
             places: &mut self.places,
             neighbours: &mut self.all_neighbours,
@@ -244,7 +251,6 @@ impl Ring {
             self.places.iter_mut().for_each(|place| place.mark = 0);
             self.first_mark = 1;
         }
-        self.faces.clear();
         self.measures.clear();
         self.neighbour_count = 0;
         self.chain = Some(false);
@@ -467,6 +473,63 @@ impl Ring {
             let [a, b] = f.slots.map(offset);
             squared_distance(0.5 * b, [offset(slot), a, b]) <= least
         })
+    }
+
+    /// The triangle that is left nearest to a point, relative to the position, when the position goes onto the neighbour
+    /// `slot`, and its squared distance; any that is no farther than `least`. None is left if that is infinite.
+    #[inline(always)]
+    pub fn nearest_left(&self, slot: u32, point: Vec3, least: f32) -> (f32, usize) {
+        let apex = Four::splat(self.all_neighbours[slot as usize].offset());
+        let corners = |m: &Measures| [apex, m.a, m.b];
+        self.nearest(point, least, corners, |m| m.dying(slot))
+    }
+
+    /// The squared distance from a point, relative to the position, to the ring; any that is no more than `least`.
+    pub fn distance_to(&self, point: Vec3, least: f32) -> f32 {
+        self.nearest(point, least, |m| [Four::ZERO, m.a, m.b], |_| BVec4A::FALSE).0
+    }
+
+    #[inline(always)]
+    fn nearest(
+        &self,
+        point: Vec3,
+        least: f32,
+        corners: impl Fn(&Measures) -> [Four; 3],
+        skipped: impl Fn(&Measures) -> BVec4A,
+    ) -> (f32, usize) {
+        let point = Four::splat(point);
+        let mut nearest = (f32::INFINITY, 0);
+        for (m, first) in self.measures.iter().zip((0..).step_by(4)) {
+            let distances = squared_distances(point, corners(m));
+            let distances = Vec4::select(skipped(m), Vec4::INFINITY, distances);
+            let own = distances.min_element();
+            if own < nearest.0 {
+                // What fills up the last four comes after what it repeats.
+                let lane = four::equal(distances, own).bitmask().trailing_zeros() as usize;
+                nearest = (own, first + lane);
+                if own <= least {
+                    break;
+                }
+            }
+        }
+        nearest
+    }
+
+    /// Notes the neighbours to which the new edge has its middle no farther (by the square) than `least` from the triangle
+    /// beside the old one, when the position goes onto the neighbour `slot`; others may be as near.
+    #[inline(always)]
+    pub fn bends(&self, slot: u32, least: f32, near: &mut Vec<bool>) {
+        near.clear();
+        near.resize(self.neighbour_count, false);
+        let apex = Four::splat(self.all_neighbours[slot as usize].offset());
+        for (m, group) in self.measures.iter().zip(self.faces.chunks(4)) {
+            let middle = (m.a + apex) * Vec4::splat(0.5);
+            let distances = squared_distances(middle, [Four::ZERO, m.a, m.b]);
+            let is_near = distances.cmple(Vec4::splat(least)).bitmask();
+            for (lane, face) in group.iter().enumerate() {
+                near[face.slots[0] as usize] |= is_near >> lane & 1 == 1;
+            }
+        }
     }
 
     /// Whether a triangle that is left would turn by more than the limit, or lose its area, if the position went onto

@@ -15,7 +15,8 @@ const LEAST_PX: f32 = 2.0;
 impl Renderer {
     /// Asks for what will be in view soon, in the tier that it will be wished in, about.
     pub(super) fn prefetch(&mut self) {
-        let Some(camera) = self.ahead else { return };
+        // Under a cap that is too small for what is in view there is no room for more.
+        let Some(camera) = self.ahead.filter(|_| !self.residency.is_capped()) else { return };
         let focal_px = f64::from(camera.focal_px(self.settings.height));
         let vertices_per_response = self.vertices_per_response();
         let view = self.select_view(&camera);

@@ -1,5 +1,7 @@
 //! An ordered mesh in, what a part says of itself out: its box, its counts, its states, its errors.
 
+use std::f64::consts::FRAC_1_SQRT_2;
+
 use super::TrianglesAt;
 use super::order::OrderedMesh;
 use super::record::{ERROR_SAMPLES, OrderedPart, error_code};
@@ -21,7 +23,8 @@ pub(super) fn error_samples(mesh: &OrderedMesh, diagonal: f64, error: f32) -> [u
 
 /// The vertex count of error sample `j` of a part with `m` vertices: `m * 2^(-j/2)`, rounded down.
 pub fn sampled_count(m: u32, j: usize) -> u32 {
-    (f64::from(m) * (-(j as f64) / 2.0).exp2()).floor() as u32
+    let share = if j.is_multiple_of(2) { 1.0 } else { FRAC_1_SQRT_2 };
+    (f64::from(m) * share / f64::from(1u32 << (j / 2))) as u32
 }
 
 /// The diagonal of a mesh's box, in grid steps.

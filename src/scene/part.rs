@@ -88,6 +88,11 @@ impl ResidentPart {
         (self.arrived < self.chunks.len() as u32).then_some(self.arrived)
     }
 
+    /// Whether a chunk is there that cannot be drawn, because a coarser one is not.
+    pub fn has_gap(&self) -> bool {
+        self.chunks[..self.arrived as usize].iter().any(Option::is_some)
+    }
+
     /// Triangles at each vertex count, as far as it has arrived.
     pub fn triangles_at(&self) -> &TrianglesAt {
         &self.triangles_at

@@ -1,6 +1,7 @@
 //! Tiers that are lacking in, the order in which they are read out: the most projected error removed for each byte first.
 
 use std::cmp::Reverse;
+use std::sync::LazyLock;
 
 use rayon::prelude::*;
 
@@ -14,6 +15,10 @@ const FIRST: f32 = 4096.0;
 const LEAST_WINDOW: usize = 1 << 10;
 /// ... later ones among twice as many each time, up to so many.
 const MOST_WINDOW: usize = 1 << 16;
+
+/// The error of each code as a share of the part's diagonal.
+static SHARES: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|code| decode_error(code as u8, 1.0) as f32));
 
 /// A chunk that is lacking; of two, the more urgent one is the lesser.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -44,8 +49,9 @@ pub(super) fn urgencies(scene: &Scene, part: u32, finest: u32, weight: f32) -> i
     let row = &scene.parts()[part as usize];
     let tiers = scene.tiers(part);
     let error_at = |vertices: u32| {
-        let holds = (0..row.errors.len()).find(|&j| sampled_count(row.vertices, j) <= vertices);
-        holds.map_or(1.0, |j| decode_error(row.errors[j], 1.0) as f32)
+        let holds = (least_sample(row.vertices, vertices)..row.errors.len())
+            .find(|&j| sampled_count(row.vertices, j) <= vertices);
+        holds.map_or(1.0, |j| SHARES[row.errors[j] as usize])
     };
     // With nothing there, it is off by its own size.
     let mut before = 1.0;
@@ -59,6 +65,13 @@ pub(super) fn urgencies(scene: &Scene, part: u32, finest: u32, weight: f32) -> i
         least = least.min(weight * removed / bytes.max(1) as f32);
         least
     })
+}
+
+/// A sample of the error of a part with `all` vertices that comes no later than the first with at most `vertices`: all
+/// before it have at least the power of two above that.
+fn least_sample(all: u32, vertices: u32) -> usize {
+    let halvings = all.max(1).ilog2() as usize + 1;
+    (2 * halvings).saturating_sub(2 * vertices.max(1).ilog2() as usize + 3)
 }
 
 /// Gives `read` all that is lacking, window by window: the most urgent ones before the rest is looked at any further,
@@ -86,5 +99,21 @@ pub(super) fn by_urgency(
         read(&mut placed.iter().map(|(_, lack)| *lack));
         left = later;
         window = (2 * window).min(MOST_WINDOW);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_sample_that_holds_is_skipped() {
+        let counts = (0..100).chain([127, 128, 129, 1000, 4095, 4096, 65_535, 65_536]);
+        for all in counts.clone() {
+            for vertices in counts.clone().take_while(|&vertices| vertices <= all) {
+                let first = (0..40).find(|&j| sampled_count(all, j) <= vertices).unwrap();
+                assert!(least_sample(all, vertices) <= first, "{vertices} of {all}: {first}");
+            }
+        }
     }
 }

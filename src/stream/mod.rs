@@ -1,6 +1,7 @@
 //! Granted states in, bytes for the GPU out: what is held, what is lacking, and how it is sent.
 //!
-//! 1. [`residency`] keeps the chunks that have been read from the file, in the order that `benefit` gives; `readers` own
+//! 1. [`residency`] keeps the chunks that have been read from the file, in the order that `benefit` gives and as far as
+//!    `fit` finds room; `readers` own
 //!    the disk, `known` tells them where chunks are that others are stored as differences from, and [`prefetch`] tells
 //!    what a camera that moves will see next.
 //! 2. [`delta`] says for every instance what its new state has that the old one lacks.
@@ -10,6 +11,7 @@
 
 mod benefit;
 pub mod delta;
+mod fit;
 pub mod gather;
 mod known;
 pub mod prefetch;

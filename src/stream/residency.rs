@@ -1,7 +1,7 @@
 //! What the view wants of each part in, the chunks in memory out, under a cap.
 //!
 //! What shall be in memory follows what is wanted: of that as much as the cap has room for, the most projected error
-//! removed for each byte first (`stream/benefit.rs`), so that where the cap bites the error rises evenly over the view.
+//! removed for each byte first (`stream/benefit.rs`, `stream/fit.rs`), so that where the cap bites the error rises evenly over the view.
 //! What is in memory and not wanted stays as long as there is room, and goes in the order in which it was last wanted.
 //!
 //! A plan costs what has changed and what is lacking, not what is wanted: which parts lack something is noted as wishes
@@ -21,10 +21,11 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 use super::benefit::{Lack, by_urgency, urgencies};
+use super::fit::{chunk_bytes, finest_that_fit};
 use super::readers::{Arrivals, Read, Readers, Request, When};
 use crate::container::ContainerError;
 use crate::scene::Scene;
-use crate::scene::part::{ResidentPart, bytes_of};
+use crate::scene::part::ResidentPart;
 
 /// Why data did not arrive.
 #[derive(Debug, thiserror::Error)]
@@ -83,13 +84,16 @@ struct Place {
     wanted_in: u32,
     /// Whether it is on the list of what lacks something.
     is_noted: bool,
+    /// Whether something finer than what can be drawn is there: a tier between has not arrived.
+    has_gap: bool,
 }
 
 /// In the place of a tier. Greater than all tiers, so that what is finer is less.
 const NONE: u32 = u32::MAX;
 
 impl Place {
-    const EMPTY: Self = Self { wanted: NONE, finest: NONE, vertices: 0, wanted_in: 0, is_noted: false };
+    const EMPTY: Self =
+        Self { wanted: NONE, finest: NONE, vertices: 0, wanted_in: 0, is_noted: false, has_gap: false };
 
     fn is_wanted(&self) -> bool {
         self.wanted != NONE
@@ -299,10 +303,12 @@ impl Residency {
             place.is_wanted().then(|| Wanted { part, tier: place.wanted, weight: weigh(part) })
         };
         let wanted: Vec<Wanted> = self.places.par_iter().enumerate().filter_map(wanted).collect();
-        let accepted = self.accept_within_cap(&wanted);
+        let room = self.cap_bytes.saturating_sub(self.bytes_coming);
+        let accepted = finest_that_fit(&self.scene, &wanted, room);
         let missing = wanted
             .par_iter()
             .zip(&accepted)
+            .filter(|(want, tier)| **tier < self.places[want.part as usize].finest)
             .flat_map_iter(|(want, &tier)| self.missing_of(want.part, want.tier, tier, want.weight));
         let missing: Vec<Lack> = missing.collect();
         let accepted: Vec<(u32, u32)> = wanted.iter().map(|want| want.part).zip(accepted).collect();
@@ -332,7 +338,7 @@ impl Residency {
         let mut room = self.cap_bytes.saturating_sub(self.bytes_coming + needed);
         let fits = |lack: &Lack| {
             let (part, tier) = lack.chunk();
-            let left = room.checked_sub(self.bytes_of(part, tier));
+            let left = room.checked_sub(chunk_bytes(&self.scene, part, tier));
             room = left.unwrap_or(0);
             left.is_some()
         };
@@ -344,14 +350,14 @@ impl Residency {
     fn ask(&mut self, when: When, missing: Vec<Lack>, accepted: &[(u32, u32)]) {
         let scene = Arc::clone(&self.scene);
         if self.cap_bytes < u64::MAX {
-            let bytes_of = |lack: &Lack| self.bytes_of(lack.chunk().0, lack.chunk().1);
+            let bytes_of = |lack: &Lack| chunk_bytes(&scene, lack.chunk().0, lack.chunk().1);
             let bytes = self.bytes_coming + missing.par_iter().map(bytes_of).sum::<u64>();
             self.make_room(bytes, accepted);
         }
         by_urgency(&scene, missing, |lacks| {
             let request = |lack: Lack| {
                 let (part, tier) = lack.chunk();
-                Request { part, tier, bytes: self.bytes_of(part, tier) }
+                Request { part, tier, bytes: chunk_bytes(&scene, part, tier) }
             };
             let requests: Vec<Request> = lacks.map(request).collect();
             for request in &requests {
@@ -375,40 +381,12 @@ impl Residency {
         }
     }
 
-    /// For each wanted part the finest tier that there is room for; the number of tiers for none.
-    fn accept_within_cap(&self, wanted: &[Wanted]) -> Vec<u32> {
-        let mut offers: Vec<(f32, u32, u32)> = Vec::new();
-        for (number, want) in (0..).zip(wanted) {
-            let tiers = (want.tier..self.tier_count(want.part)).rev();
-            let urgencies = urgencies(&self.scene, want.part, want.tier, want.weight);
-            offers.extend(tiers.zip(urgencies).map(|(tier, urgency)| (urgency, tier, number)));
-        }
-        offers.par_sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(b.1.cmp(&a.1)).then(a.2.cmp(&b.2)));
-        let mut accepted: Vec<u32> = wanted.iter().map(|want| self.tier_count(want.part)).collect();
-        let mut left = self.cap_bytes.saturating_sub(self.bytes_coming);
-        for (_, tier, number) in offers {
-            let Some(rest) = left.checked_sub(self.bytes_of(wanted[number as usize].part, tier)) else {
-                break;
-            };
-            left = rest;
-            accepted[number as usize] = tier;
-        }
-        accepted
-    }
-
     fn tier_count(&self, part: u32) -> u32 {
         self.scene.parts()[part as usize].tier_count
     }
 
-    /// Bytes of memory that a chunk takes.
-    fn bytes_of(&self, part: u32, tier: u32) -> u64 {
-        let tiers = self.scene.tiers(part);
-        let below = tiers.get(tier as usize + 1).map_or(0, |row| row.vertices);
-        bytes_of(&tiers[tier as usize], below)
-    }
-
     fn bytes_from(&self, part: u32, finest: u32) -> u64 {
-        (finest..self.tier_count(part)).map(|tier| self.bytes_of(part, tier)).sum()
+        (finest..self.tier_count(part)).map(|tier| chunk_bytes(&self.scene, part, tier)).sum()
     }
 
     /// The chunks of a part, from `accepted` on, that are neither there nor on their way; `finest` is what is wanted.
@@ -473,6 +451,10 @@ impl Residency {
 
     /// Evicts all tiers of a part that are finer than this one.
     fn evict(&mut self, part: u32, finest: u32) {
+        let place = &self.places[part as usize];
+        if place.finest >= finest && !place.has_gap {
+            return;
+        }
         let Some(held) = &mut self.parts[part as usize] else { return };
         let before = held.bytes();
         held.keep_from(finest);
@@ -491,12 +473,11 @@ impl Residency {
 
     /// Notes what is there of a part.
     fn see(&mut self, part: u32) {
-        let (finest, vertices) = match &self.parts[part as usize] {
-            Some(held) => (held.finest().unwrap_or(NONE), held.vertices_arrived()),
-            None => (NONE, 0),
-        };
+        let held = self.parts[part as usize].as_deref();
         let place = &mut self.places[part as usize];
-        (place.finest, place.vertices) = (finest, vertices);
+        place.finest = held.and_then(ResidentPart::finest).unwrap_or(NONE);
+        place.vertices = held.map_or(0, ResidentPart::vertices_arrived);
+        place.has_gap = held.is_some_and(ResidentPart::has_gap);
         self.version += 1;
     }
 

@@ -137,6 +137,9 @@ pub struct Renderer {
     /// Where the camera will be soon, if it moves and frames do not wait.
     ahead: Option<Camera>,
     frames_at_rest: u32,
+    /// Whether the last selection was the first, with no wishes that its dead band could hold on to: another of the same view
+    /// comes to the same.
+    is_exact: bool,
     /// Whether the last frame left something for the next.
     pending: bool,
     /// Whether something that was granted did not fit the last frame.
@@ -212,6 +215,7 @@ impl Renderer {
             motion: Motion::default(),
             ahead: None,
             frames_at_rest: 0,
+            is_exact: false,
             pending: false,
             is_held_back: false,
             basis: None,
@@ -276,7 +280,7 @@ impl Renderer {
         Ok(record)
     }
 
-    /// Stage 1. Skipped when neither the camera nor anything else has changed for a few frames.
+    /// Stage 1. Skipped when neither the camera nor anything else has changed for a few frames, or since a first selection.
     fn select(&mut self, camera: &Camera, record: &mut FrameRecord) -> Result<(), FrameError> {
         let started = Instant::now();
         self.chosen = false;
@@ -288,14 +292,16 @@ impl Renderer {
             false => None,
         };
         let rests = self.frames_at_rest >= FRAMES_TO_REST;
-        if !rests {
+        let is_known = !moved && (rests || self.is_exact);
+        if !is_known {
+            self.is_exact = self.frame == 0;
             self.squeeze.begin(self.share_of_caps(), moved);
             let view = self.select_view(camera);
             if self.wishes.update(&self.gpu, &self.scene, &view, self.settings.settle)? {
                 record.compute_passes += 1;
             }
         }
-        let is_late = rests && self.wishes.receive(&self.gpu)?;
+        let is_late = is_known && self.wishes.receive(&self.gpu)?;
         self.settled = rests && !is_late && !self.pending && !self.changed;
         record.select_ms = milliseconds_since(started);
         Ok(())

@@ -153,6 +153,7 @@ impl Renderer {
             if !is_again {
                 return Ok(());
             }
+            self.is_exact = false;
             let view = self.select_view(camera);
             if self.wishes.update(&self.gpu, &self.scene, &view, true)? {
                 record.compute_passes += 1;

@@ -481,12 +481,13 @@ impl Residency {
         self.version += 1;
     }
 
-    /// Takes in what has arrived, without waiting.
+    /// Takes in what has arrived, without waiting; not what arrives meanwhile, which could be all of it.
     ///
     /// # Errors
     /// A damaged chunk.
     pub fn receive(&mut self) -> Result<(), ResidencyError> {
-        while let Ok(arrivals) = self.arrivals.try_recv() {
+        for _ in 0..self.arrivals.len() {
+            let Ok(arrivals) = self.arrivals.try_recv() else { break };
             self.accept(arrivals)?;
         }
         Ok(())

@@ -186,6 +186,7 @@ impl Renderer {
         let draw = DrawPass::new(&gpu.device, settings.samples);
         let target = Target::new(&gpu.device, settings.width, settings.height, settings.samples)?;
         let instances = scene.instances().len();
+        let wishes = Wishes::new(&gpu, &scene, settings.select)?;
         let mut this = Self {
             target: Arc::new(target),
             depth_cue: None,
@@ -195,9 +196,9 @@ impl Renderer {
             uniform: None,
             rebuild: Rebuild::new(&gpu),
             timer: Timer::new(&gpu, MOST_TIMED_PASSES)?,
-            wishes: Wishes::new(&gpu, &scene, settings.select)?,
+            residency: Residency::new(&scene, residency_options(&scene, &wishes, &settings)?),
+            wishes,
             chooser: StateChooser::default(),
-            residency: Residency::new(&scene, residency_options(&scene, &settings)?),
             staging: Staging::default(),
             batches: Vec::new(),
             mirrors: Vec::new(),

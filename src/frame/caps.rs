@@ -3,9 +3,9 @@
 use super::{FrameError, Renderer, wants};
 use crate::container::PartRow;
 use crate::gpu::batch::{Batch, Sizing, drawn_bytes};
-use crate::gpu::layout::SelectRow;
 use crate::scene::part::bytes_of;
 use crate::scene::{Camera, Scene};
+use crate::select::Wishes;
 use crate::stats::FrameRecord;
 use crate::stream::State;
 use crate::stream::delta::{ECOL_BYTES, TRIANGLE_BYTES, VERTEX_BYTES};
@@ -14,10 +14,9 @@ use crate::stream::residency;
 use crate::stream::residency::ResidencyOptions;
 use crate::stream::staging::{LEAST_SLOT_BYTES, SLOTS};
 
-/// Bytes of memory for each instance beside the tables: two states, its wish and what was granted, its row for selection,
-/// and what is tested of it in the order of the groups (`select/cull.rs`).
-const BYTES_PER_INSTANCE: u64 =
-    2 * size_of::<State>() as u64 + 28 + size_of::<SelectRow>() as u64 + 36 + wants::BYTES_PER_INSTANCE;
+/// Bytes of memory for each instance beside the tables: two states, its wish and what was granted, and what is tested of
+/// it in the order of the groups (`select/cull.rs`).
+const BYTES_PER_INSTANCE: u64 = 2 * size_of::<State>() as u64 + 28 + 36 + wants::BYTES_PER_INSTANCE;
 /// Bytes of memory for each part beside the tables: what is wanted and held of it, and its places in lists.
 const BYTES_PER_PART: u64 = residency::BYTES_PER_PART + wants::BYTES_PER_PART + 8;
 /// Bytes of memory for each chunk beside the tables: who needs it, and whether it is asked for.
@@ -33,13 +32,14 @@ const BUDGET_SLACK: f64 = 1.02;
 /// It leaves no room for the largest of the coarsest chunks.
 pub(super) fn residency_options(
     scene: &Scene,
+    wishes: &Wishes,
     settings: &super::Settings,
 ) -> Result<ResidencyOptions, FrameError> {
     let read_rate = settings.read_rate;
     let Some(cap_bytes) = settings.memory_limit_bytes else {
         return Ok(ResidencyOptions { cap_bytes: None, read_rate });
     };
-    let fixed = fixed_bytes(scene);
+    let fixed = fixed_bytes(scene, wishes);
     let coarsest = (0..scene.parts().len() as u32).filter_map(|part| scene.tiers(part).last());
     let least = coarsest.map(|row| bytes_of(row, 0)).max().unwrap_or(0);
     if cap_bytes < fixed + least {
@@ -49,8 +49,9 @@ pub(super) fn residency_options(
 }
 
 /// What a scene takes in memory before anything of it is read.
-fn fixed_bytes(scene: &Scene) -> u64 {
+fn fixed_bytes(scene: &Scene, wishes: &Wishes) -> u64 {
     scene.bytes_held()
+        + wishes.row_bytes()
         + scene.instances().len() as u64 * BYTES_PER_INSTANCE
         + scene.parts().len() as u64 * BYTES_PER_PART
         + scene.chunk_count() as u64 * BYTES_PER_CHUNK
@@ -72,7 +73,7 @@ pub(super) fn largest_part_bytes(scene: &Scene) -> u64 {
 impl Renderer {
     /// All that the cap on memory counts.
     pub(super) fn memory_bytes(&self) -> u64 {
-        fixed_bytes(&self.scene) + self.residency.bytes_held()
+        fixed_bytes(&self.scene, &self.wishes) + self.residency.bytes_held()
     }
 
     /// How buffers are made.

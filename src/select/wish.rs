@@ -47,8 +47,9 @@ pub struct WishChange {
     pub new: u32,
 }
 
-/// The rows of all instances, and the wishes of the last frame.
+/// What selection knows of all instances, and the wishes of the last frame.
 pub struct Wishes {
+    /// The rows of all instances; none where the GPU has them.
     rows: Vec<SelectRow>,
     wishes: Vec<u32>,
     visible: Vec<u32>,
@@ -80,6 +81,7 @@ impl Wishes {
             SelectOn::Cpu => None,
         };
         let cull = Cull::new(scene.groups(), &rows);
+        let rows = if gpu.is_some() { Vec::new() } else { rows };
         Ok(Self { rows, wishes, visible: Vec::new(), changes: Vec::new(), cull, left_out: Vec::new(), gpu })
     }
 
@@ -105,7 +107,7 @@ impl Wishes {
 
     /// The instances that a view does not cull, ascending; wishes stay as they are.
     pub fn in_view(&mut self, scene: &Scene, view: &SelectView) -> Vec<u32> {
-        let params = view.params(self.rows.len() as u32);
+        let params = view.params(self.wishes.len() as u32);
         self.cull.find(scene.groups(), &params).to_vec()
     }
 
@@ -121,7 +123,7 @@ impl Wishes {
         view: &SelectView,
         wait: bool,
     ) -> Result<bool, GpuError> {
-        let params = view.params(self.rows.len() as u32);
+        let params = view.params(self.wishes.len() as u32);
         let culled = self.cull.find(scene.groups(), &params);
         let kept: Vec<u32>;
         let candidates = match self.left_out.as_slice() {
@@ -185,6 +187,11 @@ impl Wishes {
         if old != new {
             self.changes.push(WishChange { instance, old, new });
         }
+    }
+
+    /// Bytes of memory that the rows take.
+    pub fn row_bytes(&self) -> u64 {
+        size_of_val(self.rows.as_slice()) as u64
     }
 
     /// Bytes of GPU memory.

@@ -8,13 +8,17 @@ use std::collections::VecDeque;
 
 const MANTISSA_BITS: u32 = 5;
 const SHIFT: u32 = 23 - MANTISSA_BITS;
-const BUCKETS: usize = 1 << (8 + MANTISSA_BITS);
+/// As many as there are exponents.
+const ROWS: usize = 1 << 8;
+const ROW_BUCKETS: usize = 1 << MANTISSA_BITS;
+const BUCKETS: usize = ROWS * ROW_BUCKETS;
 const _: () = assert!(BUCKETS / 64 <= u128::BITS as usize);
 const ABSENT: u16 = u16::MAX;
 
 /// The queue; costs are non-negative floats.
 pub(super) struct BucketQueue {
-    buckets: Vec<VecDeque<u32>>,
+    /// The buckets of each exponent; none until the first is used, so that a queue for a few positions costs little.
+    rows: Vec<Vec<VecDeque<u32>>>,
     occupied: Vec<u64>,
     /// Which words of `occupied` have a bit set.
     words: u128,
@@ -25,7 +29,7 @@ impl BucketQueue {
     /// An empty queue for positions `0..count`.
     pub fn new(count: usize) -> Self {
         Self {
-            buckets: vec![VecDeque::new(); BUCKETS],
+            rows: vec![Vec::new(); ROWS],
             occupied: vec![0; BUCKETS / 64],
             words: 0,
             bucket_of: vec![ABSENT; count],
@@ -38,7 +42,11 @@ impl BucketQueue {
         if std::mem::replace(&mut self.bucket_of[position as usize], bucket as u16) == bucket as u16 {
             return;
         }
-        self.buckets[bucket].push_back(position);
+        let row = &mut self.rows[bucket / ROW_BUCKETS];
+        if row.is_empty() {
+            row.resize_with(ROW_BUCKETS, VecDeque::new);
+        }
+        row[bucket % ROW_BUCKETS].push_back(position);
         self.occupied[bucket / 64] |= 1 << (bucket % 64);
         self.words |= 1 << (bucket / 64);
     }
@@ -58,7 +66,7 @@ impl BucketQueue {
         while self.words != 0 {
             let word = self.words.trailing_zeros() as usize;
             let bucket = word * 64 + self.occupied[word].trailing_zeros() as usize;
-            while let Some(position) = self.buckets[bucket].pop_front() {
+            while let Some(position) = self.rows[bucket / ROW_BUCKETS][bucket % ROW_BUCKETS].pop_front() {
                 if self.bucket_of[position as usize] as usize == bucket {
                     self.remove(position);
                     return Some(position);

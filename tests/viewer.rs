@@ -29,6 +29,7 @@ use common::metric::{Difference, SAME};
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
+use glam::DVec3;
 
 /// The viewer in a folder of its own.
 struct Desk {
@@ -595,6 +596,37 @@ fn a_turntable_that_is_stopped_keeps_whole_pictures() {
     desk.harness.state_mut().set_gpu(gpu);
     desk.until("it is said", |app| app.messages.texts().any(|text| text.contains("turntable was stopped")));
     assert!(document(desk.app()).turntable().is_none() && pictures_in(&again).len() >= 2);
+}
+
+/// Whether the box of all of the model is in the picture.
+fn shows_all(app: &App) -> bool {
+    let document = document(app);
+    let camera = document.navigation.camera();
+    let clip = camera.clip_from_relative(document.aspect() as f32);
+    let bounds = document.scene().bounds();
+    (0..8).all(|i| {
+        let pick = |bit: u32| if i & bit != 0 { 1.0 } else { -1.0 };
+        let corner = bounds.centre() + 0.5 * bounds.extent() * DVec3::new(pick(1), pick(2), pick(4));
+        let at = clip * (corner - camera.eye).as_vec3().extend(1.0);
+        at.w > 0.0 && at.x.abs() <= at.w && at.y.abs() <= at.w
+    })
+}
+
+#[test]
+fn all_of_a_model_is_in_view_until_somebody_moves_the_camera() {
+    let Some(gpu) = gpu("all_of_a_model_is_in_view_until_somebody_moves_the_camera") else { return };
+    let mut desk = Desk::with_engine(&gpu);
+    for size in [[1000.0, 640.0], [620.0, 800.0], [1400.0, 500.0], [700.0, 900.0]] {
+        desk.harness.set_size(size.into());
+        desk.harness.step();
+        assert!(shows_all(desk.app()), "at {size:?}");
+    }
+    let middle = desk.middle();
+    desk.drag(middle, Vec2::new(60.0, 10.0));
+    let camera = *document(desk.app()).navigation.target();
+    desk.harness.set_size(Vec2::new(1000.0, 640.0));
+    desk.harness.step();
+    assert_eq!(*document(desk.app()).navigation.target(), camera, "a camera that was moved stays");
 }
 
 #[test]

@@ -72,6 +72,8 @@ pub struct Document {
     pub watched: Option<u32>,
     /// The picture's size in pixels.
     pub size: [u32; 2],
+    /// The camera that shows all of the model; none once somebody has moved it.
+    first_view: Option<Camera>,
     painter: Option<Painter>,
     wake: Wake,
     /// The looks that the painter was given, and what they were made of.
@@ -91,9 +93,10 @@ impl Document {
     /// Shows all of a model from the corner.
     pub fn new(loaded: Loaded, gpu: &Arc<Gpu>, settings: &Settings, wake: Wake) -> Self {
         let scene = Arc::clone(&loaded.scene);
-        let mut navigation = Navigation::new(*scene.bounds(), settings.up, 1.5);
+        let mut navigation = Navigation::new(*scene.bounds(), settings.up, 1.0);
         navigation.set_parallel(settings.parallel);
         navigation.finish();
+        let first_view = Some(*navigation.camera());
         let painter = Painter::new(Arc::clone(gpu), Arc::clone(&scene), settings.render(), Arc::clone(&wake));
         Self {
             visibility: Visibility::new(Arc::clone(&loaded.assembly)),
@@ -110,6 +113,7 @@ impl Document {
             pointed_item: None,
             watched: None,
             size: [0; 2],
+            first_view,
             painter: Some(painter),
             wake,
             looks_revision: None,
@@ -130,6 +134,20 @@ impl Document {
     /// Width over height of the picture.
     pub fn aspect(&self) -> f64 {
         f64::from(self.size[0].max(1)) / f64::from(self.size[1].max(1))
+    }
+
+    /// Takes on the picture's size in pixels. Until somebody moves the camera, all of the model stays in view.
+    pub fn resize(&mut self, size: [u32; 2]) {
+        if std::mem::replace(&mut self.size, size) == size {
+            return;
+        }
+        self.first_view = self.first_view.filter(|view| view == self.navigation.target());
+        if self.first_view.is_some() {
+            let bounds = *self.scene().bounds();
+            self.navigation.fit(&bounds, self.aspect());
+            self.navigation.finish();
+            self.first_view = Some(*self.navigation.camera());
+        }
     }
 
     /// Ends the painter, and gives back the picture.

@@ -55,7 +55,7 @@ impl PicturePanel {
         let (area, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
         let scale = ui.ctx().pixels_per_point();
         (self.area, self.scale, self.hand.preset) = (area, f64::from(scale), preset);
-        document.size = [area.width(), area.height()].map(|side| (side * scale).round().max(1.0) as u32);
+        document.resize([area.width(), area.height()].map(|side| (side * scale).round().max(1.0) as u32));
         paint(ui, area, texture);
         self.gestures(ui, &response, document, tool);
         self.wheel(ui, &response, document, tool);

@@ -238,7 +238,8 @@ fn replaying(ui: &mut Ui, path: &Recorder, playback: Playback, events: &mut Vec<
         if ui.button(label).clicked() {
             events.push(BookmarkEvent::Play(!playback.is_playing));
         }
-        let mut frame = playback.frame;
+        // A slider rounds what it is given to what it shows, and would stop what goes on between two frames.
+        let mut frame = playback.frame.round();
         let slider = Slider::new(&mut frame, 0.0..=path.last_frame() as f64).fixed_decimals(0);
         if ui.add(slider).accessible_name("Frame of the path").changed() {
             events.push(BookmarkEvent::Scrub(frame));
@@ -325,6 +326,16 @@ mod tests {
             panic!("{:?}", harness.state().events)
         };
         assert!(name.contains("bridge") && name.contains("deck"), "{name}");
+    }
+
+    #[test]
+    fn a_frame_between_two_is_shown_and_replaying_goes_on() {
+        let mut harness = harness();
+        for frame in [3.4, 3.5, 17.999] {
+            harness.state_mut().playback = Playback { frame, is_playing: true };
+            harness.run();
+            assert_eq!(harness.state().events, [], "at frame {frame}");
+        }
     }
 
     #[test]

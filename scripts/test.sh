@@ -10,7 +10,8 @@ trap 'rm -f "$log"' EXIT
 export COLLAPSAR_GPU_TEST_LOG="$log"
 
 status=0
-cargo test --locked "$@" || status=$?
+# One failure must not hide the others.
+cargo test --locked --no-fail-fast "$@" || status=$?
 
 awk -F '\t' '
     $1 == "ran" { ran++; adapters[$3]++ }

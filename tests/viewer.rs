@@ -630,6 +630,27 @@ fn all_of_a_model_is_in_view_until_somebody_moves_the_camera() {
 }
 
 #[test]
+fn panels_that_are_only_looked_at_change_no_setting() {
+    let Some(gpu) = gpu("panels_that_are_only_looked_at_change_no_setting") else { return };
+    let mut desk = Desk::with_engine(&gpu);
+    let app = desk.harness.state_mut();
+    app.settings = Settings {
+        alpha: 2.347,
+        depth_cue: 0.613,
+        error_px: 0.123_456,
+        budget_vertices: 1_234_567,
+        memory_bytes: Some(1_234_567_891),
+        ..app.settings.clone()
+    };
+    let before = app.settings.clone();
+    for pane in Pane::ALL {
+        desk.harness.state_mut().layout.bring(pane);
+        (0..3).for_each(|_| desk.harness.step());
+        assert_eq!(desk.app().settings, before, "{pane:?} changes it");
+    }
+}
+
+#[test]
 fn any_size_can_be_shown() {
     let Some(gpu) = gpu("any_size_can_be_shown") else { return };
     let mut desk = Desk::with_engine(&gpu);

@@ -2,6 +2,7 @@
 
 use egui::{Color32, ComboBox, Grid, Slider, Ui};
 
+use super::tenths;
 use crate::frame::colour_by::{ColourBy, ramp};
 use crate::passes::draw::Edges;
 use crate::scene::views::UpAxis;
@@ -50,7 +51,7 @@ pub fn show(ui: &mut Ui, look: &mut Look, settings: &mut Settings) {
         });
         ui.end_row();
         ui.label("Shade by depth");
-        ui.add(Slider::new(&mut settings.depth_cue, 0.0..=2.0).fixed_decimals(1));
+        ui.add(Slider::new(&mut settings.depth_cue, 0.0..=2.0).custom_formatter(tenths));
         ui.end_row();
         ui.label("Projection");
         ui.horizontal(|ui| {
@@ -79,7 +80,9 @@ pub fn show(ui: &mut Ui, look: &mut Look, settings: &mut Settings) {
         });
         ui.end_row();
         ui.label("Size of the interface");
-        ui.add(Slider::new(&mut settings.zoom, 0.5..=3.0).fixed_decimals(1).update_while_editing(false));
+        ui.add(
+            Slider::new(&mut settings.zoom, 0.5..=3.0).custom_formatter(tenths).update_while_editing(false),
+        );
         ui.end_row();
     });
     legend(ui, look.colour_by);

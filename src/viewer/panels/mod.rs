@@ -12,3 +12,8 @@ pub mod properties;
 pub mod start;
 pub mod streaming;
 pub mod tree;
+
+/// Shows tenths of a slider's value; with a fixed number of decimals the slider would round the value itself, untouched.
+fn tenths(value: f64, _decimals: std::ops::RangeInclusive<usize>) -> String {
+    format!("{value:.1}")
+}

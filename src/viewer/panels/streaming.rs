@@ -3,6 +3,7 @@
 use egui::{ComboBox, DragValue, Grid, Slider, Ui};
 use egui_plot::{Legend, Line, Plot, PlotPoints};
 
+use super::tenths;
 use crate::stats::FrameRecord;
 use crate::stats::report::human;
 use crate::stream::Strategy;
@@ -60,7 +61,7 @@ fn knobs(ui: &mut Ui, settings: &mut Settings) -> Changed {
             },
         );
         row("α", "Budgets grow with the projected area to the power of 1/α", &mut |ui| {
-            ui.add(Slider::new(&mut settings.alpha, 1.0..=10.0).fixed_decimals(1));
+            ui.add(Slider::new(&mut settings.alpha, 1.0..=10.0).custom_formatter(tenths));
         });
         row("Strategy", "How data is sent", &mut |ui| {
             ComboBox::from_id_salt("strategy").selected_text(settings.strategy.word()).show_ui(ui, |ui| {

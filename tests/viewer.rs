@@ -23,7 +23,7 @@ use collapsar::viewer::layout::Pane;
 use collapsar::viewer::painter::Errand;
 use collapsar::viewer::panels::picture::Tool;
 use collapsar::viewer::search::Names;
-use collapsar::viewer::settings::{Settings, Store};
+use collapsar::viewer::settings::{Settings, Store, first_budget};
 use common::gpu;
 use common::metric::{Difference, SAME};
 use egui::{Event, Key, Modifiers, PointerButton, Pos2, Vec2};
@@ -627,6 +627,15 @@ fn all_of_a_model_is_in_view_until_somebody_moves_the_camera() {
     desk.harness.set_size(Vec2::new(1000.0, 640.0));
     desk.harness.step();
     assert_eq!(*document(desk.app()).navigation.target(), camera, "a camera that was moved stays");
+}
+
+#[test]
+fn the_first_budget_follows_the_card_and_a_chosen_one_is_kept() {
+    let Some(gpu) = gpu("the_first_budget_follows_the_card_and_a_chosen_one_is_kept") else { return };
+    let mut desk = Desk::new(&gpu);
+    assert_eq!(desk.app().settings.budget_vertices, first_budget(gpu.adapter_info.device_type));
+    desk.harness.state_mut().settings.budget_vertices = 123_456;
+    assert_eq!(desk.again(&gpu).app().settings.budget_vertices, 123_456);
 }
 
 #[test]

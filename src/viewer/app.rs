@@ -18,7 +18,7 @@ use super::panels::palette::{self, Palette};
 use super::panels::paths::{self, PathDialog, Want};
 use super::panels::picture::Tool;
 use super::panels::start;
-use super::settings::{Settings, Store, Theme};
+use super::settings::{Settings, Store, Theme, first_budget};
 use crate::gpu::Gpu;
 use crate::gpu::target::Target;
 use crate::passes::draw::Edges;
@@ -49,6 +49,8 @@ pub struct App {
     /// Which panels are where.
     pub layout: Layout,
     store: Store,
+    /// Whether nothing was ever saved, and no graphics card given yet: then the budget follows the card.
+    is_first_start: bool,
     /// Whether the file of settings was understood; one that was not stays as it is.
     may_save: bool,
     saved: Settings,
@@ -68,6 +70,7 @@ impl App {
         let mut messages = Messages::default();
         let loaded = store.load();
         let may_save = loaded.is_ok();
+        let is_first_start = !store.has_settings();
         let settings = loaded.unwrap_or_else(|error| {
             messages.fail(error.to_string());
             Settings::default()
@@ -81,6 +84,7 @@ impl App {
             settings,
             store,
             may_save,
+            is_first_start,
             loader: None,
             gpu: None,
             wake,
@@ -94,6 +98,9 @@ impl App {
 
     /// Gives it a graphics card: the first, or another one after the last was lost.
     pub fn set_gpu(&mut self, gpu: Arc<Gpu>) {
+        if std::mem::take(&mut self.is_first_start) {
+            self.settings.budget_vertices = first_budget(gpu.adapter_info.device_type);
+        }
         if let Some(document) = &mut self.document {
             document.restart(&gpu, &self.settings);
         }

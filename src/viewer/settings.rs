@@ -143,6 +143,16 @@ impl WindowShape {
     }
 }
 
+/// The vertices that a kind of adapter is given to begin with: for each about 100 bytes of
+/// its memory and two triangles. Not measured on cards: a start, and a knob beside it.
+pub fn first_budget(kind: wgpu::DeviceType) -> u32 {
+    match kind {
+        wgpu::DeviceType::DiscreteGpu => 4_000_000,
+        wgpu::DeviceType::IntegratedGpu | wgpu::DeviceType::VirtualGpu => 2_000_000,
+        wgpu::DeviceType::Cpu | wgpu::DeviceType::Other => 1_000_000,
+    }
+}
+
 impl Default for Settings {
     fn default() -> Self {
         Self {
@@ -152,7 +162,7 @@ impl Default for Settings {
             units: Units::default(),
             up: UpAxis::default(),
             parallel: false,
-            budget_vertices: 1_000_000,
+            budget_vertices: first_budget(wgpu::DeviceType::Other),
             error_px: 1.0,
             alpha: 3.0,
             strategy: Strategy::Coherent,
@@ -288,6 +298,11 @@ impl Store {
         write_whole(&path, |file| Ok(serde_json::to_writer_pretty(file, settings)?)).map_err(failed)
     }
 
+    /// Whether settings were ever saved.
+    pub fn has_settings(&self) -> bool {
+        self.file().is_some_and(|file| file.exists())
+    }
+
     fn file(&self) -> Option<PathBuf> {
         self.folder.as_ref().map(|folder| folder.join("settings.json"))
     }
@@ -318,6 +333,13 @@ mod tests {
         store.save(&settings).unwrap();
         assert_eq!(store.load().unwrap(), settings);
         assert_eq!(std::fs::read_dir(store.folder().unwrap()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_graphics_card_gets_more_than_the_processor() {
+        use wgpu::DeviceType::{Cpu, DiscreteGpu, IntegratedGpu};
+        assert!([DiscreteGpu, IntegratedGpu, Cpu].map(first_budget).is_sorted_by(|a, b| a > b));
+        assert_eq!(Settings::default().budget_vertices, first_budget(Cpu));
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::time::{Duration, Instant};
 
 use egui::{Id, Key, Modal, ScrollArea, TextEdit, Ui};
 
@@ -61,8 +62,16 @@ pub struct PathDialog {
     /// How many pictures are wanted, where that is asked.
     pub pictures: u32,
     /// The system's dialog, while it is open beside this one.
-    system: Option<Receiver<Option<PathBuf>>>,
+    system: Option<Receiver<Answer>>,
+    /// Whether there was none.
+    lacks_system: bool,
 }
+
+/// What the system's dialog came to, and how long it was open.
+type Answer = (Option<PathBuf>, Duration);
+
+/// Nobody closes a dialog faster: there was none.
+const SHORTEST_LOOK: Duration = Duration::from_millis(300);
 
 /// How it ended.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -76,7 +85,7 @@ pub enum Ended {
 impl PathDialog {
     /// Asks for a file; `first` is what stands in the field.
     pub fn new(want: Want, first: &Path) -> Self {
-        Self { want, text: first.display().to_string(), pictures: 72, system: None }
+        Self { want, text: first.display().to_string(), pictures: 72, system: None, lacks_system: false }
     }
 
     /// Shows it; says how it ended once it has.
@@ -118,6 +127,9 @@ impl PathDialog {
                 ui.close();
             }
         });
+        if self.lacks_system {
+            ui.weak("This system has no dialog for files (xdg-desktop-portal or zenity): type the path.");
+        }
         if self.want == Want::Open && !recent.is_empty() {
             ui.separator();
             ui.label("Opened last");
@@ -143,6 +155,7 @@ impl PathDialog {
         let (sender, receiver) = channel();
         let (want, start) = (self.want, PathBuf::from(self.text.trim()));
         std::thread::spawn(move || {
+            let started = Instant::now();
             let mut dialog =
                 rfd::FileDialog::new().add_filter("files", want.extensions()).set_title(want.title());
             if let Some(folder) = start.parent().filter(|folder| folder.is_dir()) {
@@ -156,7 +169,7 @@ impl PathDialog {
                 }
             };
             // Nobody listens any more if this dialog was closed.
-            let _ = sender.send(chosen);
+            let _ = sender.send((chosen, started.elapsed()));
             context.request_repaint();
         });
         self.system = Some(receiver);
@@ -164,13 +177,14 @@ impl PathDialog {
 
     fn system_choice(&mut self) -> Option<PathBuf> {
         match self.system.as_ref()?.try_recv() {
-            Ok(chosen) => {
+            Ok((chosen, open_for)) => {
                 self.system = None;
+                self.lacks_system = chosen.is_none() && open_for < SHORTEST_LOOK;
                 chosen
             }
             Err(TryRecvError::Empty) => None,
             Err(TryRecvError::Disconnected) => {
-                self.system = None;
+                (self.system, self.lacks_system) = (None, true);
                 None
             }
         }
@@ -187,4 +201,35 @@ pub fn recent_rows(ui: &mut Ui, recent: &[PathBuf]) -> Option<PathBuf> {
         }
     }
     chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::Queryable;
+
+    use super::*;
+
+    /// What is said after the system's dialog has come to this.
+    fn says_there_is_none(answer: Answer) -> bool {
+        let (sender, receiver) = channel();
+        let mut dialog = PathDialog::new(Want::Open, Path::new("/models"));
+        dialog.system = Some(receiver);
+        sender.send(answer).unwrap();
+        let mut harness = Harness::new_ui_state(
+            |ui, dialog: &mut PathDialog| {
+                dialog.show(ui.ctx(), &[]);
+            },
+            dialog,
+        );
+        (0..3).for_each(|_| harness.step());
+        harness.query_by_label_contains("no dialog for files").is_some()
+    }
+
+    #[test]
+    fn a_system_without_a_dialog_is_told_from_a_dialog_that_was_closed() {
+        assert!(says_there_is_none((None, Duration::from_millis(2))));
+        assert!(!says_there_is_none((None, Duration::from_secs(2))));
+        assert!(!says_there_is_none((Some(PathBuf::from("a.glb")), Duration::from_millis(2))));
+    }
 }

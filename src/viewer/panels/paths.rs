@@ -158,7 +158,8 @@ impl PathDialog {
             let started = Instant::now();
             let mut dialog =
                 rfd::FileDialog::new().add_filter("files", want.extensions()).set_title(want.title());
-            if let Some(folder) = start.parent().filter(|folder| folder.is_dir()) {
+            let mut folders = start.ancestors().take(2);
+            if let Some(folder) = folders.find(|folder| folder.is_dir()) {
                 dialog = dialog.set_directory(folder);
             }
             let chosen = match (want.is_folder(), want.is_open()) {

@@ -43,9 +43,14 @@ impl Lack {
     }
 }
 
-/// How urgent each tier of a part is, from the coarsest to `finest`: the projected error that it removes for each byte
+/// The tiers of a part, from the coarsest to `finest`, and how urgent each is: the projected error that it removes for each byte
 /// once it is decoded, never more than that of a coarser one. `weight` is how much the part's whole error would be seen.
-pub(super) fn urgencies(scene: &Scene, part: u32, finest: u32, weight: f32) -> impl Iterator<Item = f32> {
+pub(super) fn urgencies(
+    scene: &Scene,
+    part: u32,
+    finest: u32,
+    weight: f32,
+) -> impl Iterator<Item = (u32, f32)> {
     let row = &scene.parts()[part as usize];
     let tiers = scene.tiers(part);
     let error_at = |vertices: u32| {
@@ -63,7 +68,7 @@ pub(super) fn urgencies(scene: &Scene, part: u32, finest: u32, weight: f32) -> i
         let below = tiers.get(tier + 1).map_or(0, |row| row.vertices);
         let bytes = tiers[tier].plain_bytes(tiers[tier].vertices.saturating_sub(below));
         least = least.min(weight * removed / bytes.max(1) as f32);
-        least
+        (tier as u32, least)
     })
 }
 

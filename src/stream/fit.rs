@@ -81,15 +81,15 @@ fn shares(wanted: &[Wanted]) -> impl IndexedParallelIterator<Item = (usize, &[Wa
     wanted.par_chunks(each).enumerate().map(move |(share, wanted)| (share * each, wanted))
 }
 
-fn tier_count(scene: &Scene, part: u32) -> u32 {
-    scene.tiers(part).len() as u32
+/// How many tiers a part has.
+pub(super) fn tier_count(scene: &Scene, part: u32) -> u32 {
+    scene.parts()[part as usize].tier_count
 }
 
 /// The tiers of a wanted part, coarsest first: none is more urgent than the one before.
 fn offers(scene: &Scene, number: usize, want: &Wanted) -> impl Iterator<Item = Offer> {
-    let tiers = (want.tier..tier_count(scene, want.part)).rev();
     let urgencies = urgencies(scene, want.part, want.tier, want.weight);
-    tiers.zip(urgencies).map(move |(tier, urgency)| Offer { urgency, tier, number: number as u32 })
+    urgencies.map(move |(tier, urgency)| Offer { urgency, tier, number: number as u32 })
 }
 
 /// Urgencies are not negative, so that their bits are in their order.

@@ -1,9 +1,8 @@
 //! Granted states in, bytes for the GPU out: what is held, what is lacking, and how it is sent.
 //!
 //! 1. [`residency`] keeps the chunks that have been read from the file, in the order that `benefit` gives and as far as
-//!    `fit` finds room; `readers` own
-//!    the disk, `known` tells them where chunks are that others are stored as differences from, and [`prefetch`] tells
-//!    what a camera that moves will see next.
+//!    `fit` finds room; `readers` own the disk, `known` tells them where chunks are that others are stored as
+//!    differences from, and [`prefetch`] tells what a camera that moves will see next.
 //! 2. [`delta`] says for every instance what its new state has that the old one lacks.
 //! 3. [`strategy`] decides what of it is sent: the lack (`coherent`), or everything (`whole`, `per-part`).
 //! 4. [`gather`] lays the sent records out in the order of the streamed buffer and copies them there in parallel.

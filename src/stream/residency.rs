@@ -1,8 +1,9 @@
 //! What the view wants of each part in, the chunks in memory out, under a cap.
 //!
 //! What shall be in memory follows what is wanted: of that as much as the cap has room for, the most projected error
-//! removed for each byte first (`stream/benefit.rs`, `stream/fit.rs`), so that where the cap bites the error rises evenly over the view.
-//! What is in memory and not wanted stays as long as there is room, and goes in the order in which it was last wanted.
+//! removed for each byte first (`stream/benefit.rs`, `stream/fit.rs`), so that where the cap bites the error rises evenly
+//! over the view. What is in memory and not wanted stays as long as there is room, and goes in the order in which it was
+//! last wanted.
 //!
 //! A plan costs what has changed and what is lacking, not what is wanted: which parts lack something is noted as wishes
 //! change and as chunks are evicted. Only where the cap is below all that is wanted, every wanted part takes part in it.
@@ -21,7 +22,7 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 use super::benefit::{Lack, by_urgency, urgencies};
-use super::fit::{chunk_bytes, finest_that_fit};
+use super::fit::{chunk_bytes, finest_that_fit, tier_count};
 use super::readers::{Arrivals, Read, Readers, Request, When};
 use crate::container::ContainerError;
 use crate::scene::Scene;
@@ -308,7 +309,6 @@ impl Residency {
         let missing = wanted
             .par_iter()
             .zip(&accepted)
-            .filter(|(want, tier)| **tier < self.places[want.part as usize].finest)
             .flat_map_iter(|(want, &tier)| self.missing_of(want.part, want.tier, tier, want.weight));
         let missing: Vec<Lack> = missing.collect();
         let accepted: Vec<(u32, u32)> = wanted.iter().map(|want| want.part).zip(accepted).collect();
@@ -381,12 +381,8 @@ impl Residency {
         }
     }
 
-    fn tier_count(&self, part: u32) -> u32 {
-        self.scene.parts()[part as usize].tier_count
-    }
-
     fn bytes_from(&self, part: u32, finest: u32) -> u64 {
-        (finest..self.tier_count(part)).map(|tier| chunk_bytes(&self.scene, part, tier)).sum()
+        (finest..tier_count(&self.scene, part)).map(|tier| chunk_bytes(&self.scene, part, tier)).sum()
     }
 
     /// The chunks of a part, from `accepted` on, that are neither there nor on their way; `finest` is what is wanted.
@@ -398,15 +394,15 @@ impl Residency {
         weight: f32,
     ) -> impl Iterator<Item = Lack> + use<'_> {
         let held = self.part(part);
-        let tiers = self.tier_count(part);
-        let arrived = held.finest().unwrap_or(tiers);
-        let range = accepted..arrived;
+        let tiers = tier_count(&self.scene, part);
+        // Of a part that lacks nothing nothing is looked up.
+        let range = accepted..self.places[part as usize].finest.min(tiers);
         let finest = if range.is_empty() { tiers } else { finest };
         let is_missing = move |tier: u32| {
             range.contains(&tier) && !held.has(tier) && !self.is_coming[self.scene.chunk_number(part, tier)]
         };
         let urgencies = urgencies(&self.scene, part, finest, weight);
-        let all = (finest..tiers).rev().zip(urgencies).filter(move |&(tier, _)| is_missing(tier));
+        let all = urgencies.filter(move |&(tier, _)| is_missing(tier));
         all.map(move |(tier, urgency)| Lack::new(&self.scene, part, tier, urgency))
     }
 
@@ -427,7 +423,7 @@ impl Residency {
             if self.bytes_held <= most {
                 break;
             }
-            self.evict(part, self.tier_count(part));
+            self.evict(part, tier_count(&self.scene, part));
         }
         let is_over = self.bytes_held > most;
         let finer = if is_over && !self.is_capped { self.kept_wanted() } else { Vec::new() };
@@ -537,7 +533,7 @@ impl Residency {
 
     /// Puts a chunk to its part; returns the bytes that it takes.
     fn put(&mut self, request: Request, read: Read) -> u64 {
-        let tiers = self.tier_count(request.part);
+        let tiers = tier_count(&self.scene, request.part);
         let slot = &mut self.parts[request.part as usize];
         let before = slot.as_ref().map_or(0, |held| held.bytes());
         if slot.is_none() {

@@ -428,15 +428,10 @@ impl Ring {
     /// The squared distance from the position to the triangles that are left of the ring when it goes onto this
     /// neighbour.
     pub fn gap(&self, slot: u32) -> f32 {
-        let offset = self.all_neighbours[slot as usize].offset();
-        let apex = Four::splat(offset);
-        let mut nearest = Vec4::INFINITY;
-        for m in &self.measures {
-            let distances = squared_distances(Four::ZERO, [apex, m.a, m.b]);
-            nearest = nearest.min(Vec4::select(m.dying(slot), Vec4::INFINITY, distances));
+        match self.nearest_left(slot, Vec3::ZERO, 0.0).0 {
+            f32::INFINITY => self.all_neighbours[slot as usize].offset().length_squared(),
+            nearest => nearest,
         }
-        let nearest = nearest.min_element();
-        if nearest < f32::INFINITY { nearest } else { offset.length_squared() }
     }
 
     /// Hands on the neighbours whose edge to the position has its middle farther (by the square) than `least` from the

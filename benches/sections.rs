@@ -2,7 +2,8 @@
 //!
 //! Makes a field of spheres in memory, of a million triangles in all, and draws it at rest, so that a frame is its draw pass
 //! alone: without planes, with one, and with six. The planes lie beside the model; or they reach into its box and cut nothing,
-//! so that equal pixels are drawn; or each takes the same half, so that one and six draw equal pixels. The ways alternate.
+//! so that equal pixels are drawn; or each takes the front half of every sphere, or all spheres of the left half, so that one
+//! and six draw equal pixels. The ways alternate.
 //!
 //! Printed: median milliseconds of a draw, and the quotients within the run.
 //!
@@ -73,10 +74,12 @@ fn field() -> Arc<Scene> {
 enum Cut {
     /// They are beside it.
     Beside,
-    /// They reach into its box, past all spheres.
+    /// They reach into its box, and into those of the spheres at its edges, past all spheres.
     Grazing,
-    /// Each takes the front half.
-    Half,
+    /// Each takes the front half of every sphere.
+    Halves,
+    /// Each takes the left half of the field, between two columns of spheres.
+    Side,
 }
 
 fn planes(count: usize, cut: Cut) -> Vec<Section> {
@@ -91,7 +94,8 @@ fn planes(count: usize, cut: Cut) -> Vec<Section> {
     let section = |i: usize| match cut {
         Cut::Beside => Section { point: corner * (3.0 + i as f64), normal: DVec3::NEG_Z },
         Cut::Grazing => edge(i),
-        Cut::Half => Section { point: DVec3::ZERO, normal: DVec3::NEG_Z },
+        Cut::Halves => Section { point: DVec3::ZERO, normal: DVec3::NEG_Z },
+        Cut::Side => Section { point: DVec3::X * 0.5 * far, normal: DVec3::X },
     };
     (0..count).map(section).collect()
 }
@@ -140,7 +144,8 @@ fn main() {
         for (cut, what) in [
             (Cut::Beside, "beside the model"),
             (Cut::Grazing, "nothing is cut"),
-            (Cut::Half, "half is cut away"),
+            (Cut::Halves, "all are halved"),
+            (Cut::Side, "half are gone"),
         ] {
             let styles = [0, 1, 6].map(|count| Style { sections: planes(count, cut), ..Style::default() });
             let times = measure(&mut renderer, &camera, &styles);

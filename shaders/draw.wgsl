@@ -231,41 +231,56 @@ fn ghost_samples(pixel: vec2<f32>) -> u32 {
     return select(0u, 1u, ((at.x | at.y) & 1u) == 0u);
 }
 
-// The colour of a surface, or that of the cut face through which it is seen from within.
-fn capped(corner: Corner, front: bool, surface: vec4<f32>) -> vec4<f32> {
-    if frame.section_count == 0u || !is_seen_from_within(corner.look, front) {
-        return surface;
+// What is lit at a pixel.
+struct Face {
+    colour: vec3<f32>,
+    normal: vec3<f32>,
+    // Whether a section made it.
+    is_cut: bool,
+}
+
+// A surface, or the cut face through which it is seen from within. Only in uniform control flow.
+fn face_at(corner: Corner, front: bool, to_eye: vec3<f32>) -> Face {
+    var face = Face(corner.colour, seen_normal(corner.relative, corner.normal, to_eye), false);
+    if is_seen_from_within(corner.look, front) {
+        let entry = entry_before(corner.relative);
+        if entry != NO_ENTRY {
+            face = Face(hatched(corner.colour, corner.clip.xy), -frame.sections[entry].xyz, true);
+        }
     }
+    return face;
+}
+
+// The same, lit.
+fn capped(corner: Corner, front: bool) -> vec4<f32> {
     let to_eye = to_eye_from(corner.relative);
-    let entry = entry_before(corner.relative, to_eye);
-    if entry.section == NO_ENTRY {
-        return surface;
-    }
-    let face = light(hatched(corner.colour, corner.clip.xy), -frame.sections[entry.section].xyz, to_eye);
-    return vec4<f32>(shoulder(face), 1.0);
+    let face = face_at(corner, front, to_eye);
+    return lit(face.colour, face.normal, to_eye);
+}
+
+// The same with lines over surfaces.
+fn edged_capped(corner: EdgedCorner, front: bool) -> vec4<f32> {
+    let cover = line_cover(corner.place, corner.lines);
+    let to_eye = to_eye_from(corner.relative);
+    let face = face_at(plain(corner), front, to_eye);
+    return lined(lit(face.colour, face.normal, to_eye), select(cover, 0.0, face.is_cut));
 }
 
 // What is cut, or a ghost.
-fn cut(corner: Corner, front: bool, surface: vec4<f32>, kept: u32) -> CutPixel {
-    var result = CutPixel(capped(corner, front, surface), kept);
-    if (corner.look & LOOK_GHOST) != 0u {
-        result.samples &= ghost_samples(corner.clip.xy);
-    }
-    return result;
+fn cut(shaded: vec4<f32>, kept: u32, look: u32, pixel: vec2<f32>) -> CutPixel {
+    return CutPixel(shaded, select(kept, kept & ghost_samples(pixel), (look & LOOK_GHOST) != 0u));
 }
 
 @fragment
 fn cut_fragment(corner: Corner, @builtin(front_facing) front: bool) -> CutPixel {
     let kept = kept_samples(corner.relative);
-    return cut(corner, front, shaded(corner.relative, corner.normal, corner.colour), kept);
+    return cut(capped(corner, front), kept, corner.look, corner.clip.xy);
 }
 
 @fragment
 fn edged_cut_fragment(corner: EdgedCorner, @builtin(front_facing) front: bool) -> CutPixel {
     let kept = kept_samples(corner.relative);
-    let surface = shaded(corner.relative, corner.normal, corner.colour);
-    let cover = line_cover(corner.place, corner.lines);
-    return cut(plain(corner), front, lined(surface, cover), kept);
+    return cut(edged_capped(corner, front), kept, corner.look, corner.clip.xy);
 }
 
 fn plain(corner: EdgedCorner) -> Corner {

@@ -15,11 +15,11 @@ fn pick_fragment(corner: Corner, @builtin(front_facing) front: bool) -> @locatio
         }
     }
     var point = corner.relative;
-    if frame.section_count > 0u && is_seen_from_within(corner.look, front) {
-        let to_eye = to_eye_from(corner.relative);
-        let entry = entry_before(corner.relative, to_eye);
-        if entry.section != NO_ENTRY {
-            point += to_eye * entry.distance;
+    if is_seen_from_within(corner.look, front) {
+        let entry = entry_before(corner.relative);
+        if entry != NO_ENTRY {
+            let to_eye = to_eye_from(corner.relative);
+            point += to_eye * back_to(entry, corner.relative, to_eye);
         }
     }
     return vec4<u32>(corner.number + 1u, bitcast<vec3<u32>>(point));

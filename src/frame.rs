@@ -6,7 +6,7 @@
 //! 4. **upload** (`stream::gather`, `stream::staging`): the lack, or everything, by strategy.
 //! 5. **defragment** (`frame::rebuild`): grants, prefix sums, and contiguous active buffers of existing and streamed.
 //! 6. **reform** (`frame::rebuild`): every triangle's corners walked down `ecol`, into one index buffer.
-//! 7. **draw** (`passes::draw`): one indirect draw a batch.
+//! 7. **draw** (`passes::draw`): one indirect draw a batch, or ranges of it where sections cut (`frame::sections`).
 //!
 //! A frame in which nothing changed does only stages 1 and 7, and stage 1 finds out by comparing two cameras.
 
@@ -19,6 +19,7 @@ mod mirror;
 mod places;
 mod plan;
 mod rebuild;
+mod sections;
 mod settings;
 mod show;
 mod squeeze;
@@ -52,6 +53,7 @@ use caps::residency_options;
 pub use content::ContentDigest;
 use mirror::Mirror;
 use rebuild::Rebuild;
+use sections::Taken;
 pub use settings::{PassesOn, Settings, Spending};
 use show::Looks;
 pub use show::Pick;
@@ -105,6 +107,7 @@ pub struct Renderer {
     pick: Option<PickPass>,
     style: Style,
     looks: Looks,
+    taken: Taken,
     /// What the GPU has been told of the frame.
     uniform: Option<FrameUniform>,
     rebuild: Rebuild,
@@ -193,6 +196,7 @@ impl Renderer {
             pick: None,
             style: Style::default(),
             looks: Looks::new(instances),
+            taken: Taken::default(),
             uniform: None,
             rebuild: Rebuild::new(&gpu),
             timer: Timer::new(&gpu, MOST_TIMED_PASSES)?,

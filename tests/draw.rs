@@ -106,6 +106,7 @@ fn draw(gpu: &TestDevice, scene: &Scene, samples: u32, mode: Mode) -> Target {
         indices: &buffer(gpu, bytemuck::cast_slice(&indices), usages | wgpu::BufferUsages::INDEX),
         indirect: &buffer(gpu, arguments.as_bytes(), usages | wgpu::BufferUsages::INDIRECT),
         indirect_offset: 0,
+        ranges: None,
     };
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     let list = DrawList { asked: Asked::default(), batches: &[batch], boxes: None };

@@ -473,3 +473,72 @@ fn what_is_hidden_leaves_its_budget_to_the_rest_once_the_camera_moves() {
     assert_eq!(record.instances_visible, 5);
     assert!(renderer.states().iter().all(|state| state.vertices > 0));
 }
+
+#[test]
+fn what_sections_take_wholly_is_as_if_it_were_hidden() {
+    let Some(gpu) = gpu("what_sections_take_wholly_is_as_if_it_were_hidden") else { return };
+    let scene = spheres(5);
+    let camera = front(&scene);
+    // Batches of two or three instances, so that ranges are of the right ones.
+    for (batch_limit_bytes, edges) in [(None, Edges::None), (Some(150_000), Edges::None), (None, Edges::All)]
+    {
+        let settings = Settings { batch_limit_bytes, ..settings() };
+        let mut renderer = Renderer::new(Arc::clone(&gpu), Arc::clone(&scene), settings).unwrap();
+        let style = Style { edges, ..Style::default() };
+        renderer.set_style(style.clone());
+        settle(&mut renderer, &camera);
+        let whole = pixels(&renderer);
+        assert_eq!(renderer.batch_count() > 1, batch_limit_bytes.is_some());
+        let mut looks = vec![Look::default(); 5];
+        (looks[0], looks[3], looks[4]) = (Look::HIDDEN, Look::HIDDEN, Look::HIDDEN);
+        renderer.set_looks(&looks);
+        renderer.frame(&camera).unwrap();
+        let hidden = pixels(&renderer);
+        renderer.set_looks(&[Look::default(); 5]);
+        let between = |x: f64, towards: f64| Section { point: DVec3::X * x, normal: DVec3::X * towards };
+        renderer.set_style(Style { sections: vec![between(1.5, 1.0), between(7.5, -1.0)], ..style.clone() });
+        let record = renderer.frame(&camera).unwrap();
+        assert!(pixels(&renderer) == hidden, "{edges:?} {batch_limit_bytes:?}");
+        assert_eq!((record.bytes_vertices, record.bytes_triangles, record.compute_passes), (0, 0, 0));
+        // One that is cut beside one that is not.
+        renderer.set_style(Style { sections: vec![between(3.0, 1.0)], ..style });
+        renderer.frame(&camera).unwrap();
+        let picked = [-0.5, 2.5, 3.5, 6.0, 12.0]
+            .map(|x| renderer.pick(pixel_of(&camera, DVec3::X * x)).unwrap().map(|pick| pick.instance));
+        assert_eq!(picked, [None, None, Some(1), Some(2), Some(4)]);
+        let cut = pixels(&renderer);
+        let from = pixel_of(&camera, DVec3::X * 4.5)[0];
+        let is_right = |i: &usize| *i as u32 % SIZE >= from;
+        assert!((0..cut.len()).filter(is_right).all(|i| cut[i] == whole[i]), "what is kept looks as ever");
+    }
+}
+
+#[test]
+fn what_sections_take_wholly_leaves_its_budget_to_the_rest_once_the_camera_moves() {
+    let Some(gpu) = gpu("what_sections_take_wholly_leaves_its_budget_to_the_rest_once_the_camera_moves")
+    else {
+        return;
+    };
+    let scene = spheres(5);
+    let camera = front(&scene);
+    let settings = Settings { budget_vertices: 1500, ..settings() };
+    let mut renderer = Renderer::new(gpu, Arc::clone(&scene), settings).unwrap();
+    settle(&mut renderer, &camera);
+    let of = |renderer: &Renderer, i: usize| renderer.states()[i].vertices;
+    let before = of(&renderer, 4);
+    let section = Section { point: DVec3::X * 10.5, normal: DVec3::X };
+    renderer.set_style(Style { sections: vec![section], ..Style::default() });
+    settle(&mut renderer, &camera);
+    assert_eq!(of(&renderer, 4), before);
+    let moved = Camera { eye: camera.eye + DVec3::Y * 0.1, ..camera };
+    settle(&mut renderer, &moved);
+    assert!(of(&renderer, 4) > 2 * before, "{before} {}", of(&renderer, 4));
+    assert_eq!(of(&renderer, 0), 0);
+    // Both reasons count, and each goes by itself.
+    let mut looks = vec![Look::default(); 5];
+    looks[1] = Look::HIDDEN;
+    renderer.set_looks(&looks);
+    renderer.set_style(Style::default());
+    settle(&mut renderer, &moved);
+    assert_eq!([0, 1, 2].map(|i| of(&renderer, i) > 0), [true, false, true]);
+}

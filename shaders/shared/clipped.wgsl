@@ -8,7 +8,7 @@ const MOST_CLIPPED: u32 = 8u;
 
 struct ClippedCorner {
     @builtin(position) clip: vec4<f32>,
-    @builtin(clip_distances) distances: array<f32, 8>,
+    @builtin(clip_distances) distances: array<f32, MOST_CLIPPED>,
     @location(0) relative: vec3<f32>,
     @location(1) normal: vec3<f32>,
     @location(2) colour: vec3<f32>,
@@ -18,7 +18,7 @@ struct ClippedCorner {
 
 struct ClippedEdgedCorner {
     @builtin(position) clip: vec4<f32>,
-    @builtin(clip_distances) distances: array<f32, 8>,
+    @builtin(clip_distances) distances: array<f32, MOST_CLIPPED>,
     @location(0) relative: vec3<f32>,
     @location(1) normal: vec3<f32>,
     @location(2) colour: vec3<f32>,
@@ -28,10 +28,11 @@ struct ClippedEdgedCorner {
     @location(6) @interpolate(flat) lines: u32,
 }
 
-// Below 0 where a section takes a point away.
-fn distances_of(relative: vec3<f32>) -> array<f32, 8> {
-    var distances = array<f32, 8>(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0);
-    for (var i = 0u; i < min(frame.section_count, MOST_CLIPPED); i += 1u) {
+// Below 0 where a section takes a point away. All of them, for a bound that is a constant is unrolled: distances stored by a
+// number that is no constant cost processors that draw four times as much.
+fn distances_of(relative: vec3<f32>) -> array<f32, MOST_CLIPPED> {
+    var distances: array<f32, MOST_CLIPPED>;
+    for (var i = 0u; i < MOST_CLIPPED; i += 1u) {
         distances[i] = dot(frame.sections[i].xyz, relative) + frame.sections[i].w;
     }
     return distances;
@@ -68,12 +69,10 @@ fn clipped_edged_vertex(@builtin(vertex_index) index: u32) -> ClippedEdgedCorner
 
 @fragment
 fn clipped_fragment(corner: Corner, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
-    return capped(corner, front, shaded(corner.relative, corner.normal, corner.colour));
+    return capped(corner, front);
 }
 
 @fragment
 fn clipped_edged_fragment(corner: EdgedCorner, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
-    let surface = shaded(corner.relative, corner.normal, corner.colour);
-    let cover = line_cover(corner.place, corner.lines);
-    return capped(plain(corner), front, lined(surface, cover));
+    return edged_capped(corner, front);
 }

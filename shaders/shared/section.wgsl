@@ -34,27 +34,24 @@ fn kept_samples(relative: vec3<f32>) -> u32 {
     return select(bits.x, bits.x | bits.y | bits.z | bits.w, SAMPLES == 4u);
 }
 
-// Where the line of sight to a point came through a section last.
-struct Entry {
-    // The section; NO_ENTRY if it came through none.
-    section: u32,
-    // From the point towards the eye, in world units.
-    distance: f32,
-}
-
 const NO_ENTRY: u32 = 0xFFFFFFFFu;
 
-fn entry_before(relative: vec3<f32>, to_eye: vec3<f32>) -> Entry {
-    var entry = Entry(NO_ENTRY, select(length(relative), 3e38, frame.parallel != 0u));
+// The section that the line of sight to a point came in by last; NO_ENTRY if it came in by none.
+fn entry_before(relative: vec3<f32>) -> u32 {
+    var least = 3e38;
+    var entry = NO_ENTRY;
     for (var i = 0u; i < frame.section_count; i += 1u) {
-        let plane = frame.sections[i];
-        let along = dot(plane.xyz, to_eye);
-        let distance = dot(plane.xyz, relative) + plane.w;
-        if along < 0.0 && -distance > along * entry.distance {
-            entry = Entry(i, max(-distance / along, 0.0));
-        }
+        let before = dot(frame.entries[i].xyz, relative) + frame.entries[i].w;
+        entry = select(entry, i, before < least);
+        least = min(least, before);
     }
     return entry;
+}
+
+// How far from a point towards the eye a section is that the line of sight came in by, in world units.
+fn back_to(section: u32, relative: vec3<f32>, to_eye: vec3<f32>) -> f32 {
+    let plane = frame.sections[section];
+    return max((dot(plane.xyz, relative) + plane.w) / -dot(plane.xyz, to_eye), 0.0);
 }
 
 // The colour of a cut face at a pixel: lines at 45 degrees, as on a drawing.

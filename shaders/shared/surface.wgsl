@@ -22,8 +22,11 @@ struct Frame {
     to_viewer: vec3<f32>,
     // Which edges are drawn: EDGES_*.
     edges: u32,
-    // Planes relative to the eye, in world axes, unit normals; what is kept has dot(xyz, p) + w >= 0 for all.
+    // Planes relative to the eye, in world axes, unit normals; what is kept has dot(xyz, p) + w >= 0 for all. Those that
+    // are not used keep everything.
     sections: array<vec4<f32>, 12>,
+    // By section: the less dot(xyz, p) + w, the later the line of sight to p came in by it. 3e38 or more if none does.
+    entries: array<vec4<f32>, 12>,
 }
 
 @group(0) @binding(0) var<uniform> frame: Frame;
@@ -101,11 +104,19 @@ fn shoulder(colour: vec3<f32>) -> vec3<f32> {
     return min(colour, vec3<f32>(0.7)) + 0.3 * (above / (above + 0.3));
 }
 
-fn shaded(relative: vec3<f32>, normal: vec3<f32>, colour: vec3<f32>) -> vec4<f32> {
+// The normal of a surface at a pixel. Only in uniform control flow.
+fn seen_normal(relative: vec3<f32>, normal: vec3<f32>, to_eye: vec3<f32>) -> vec3<f32> {
     let facet = safe_normalize(cross(dpdx(relative), dpdy(relative)));
-    let to_eye = to_eye_from(relative);
-    let n = facing_normal(normal, facet, to_eye);
+    return facing_normal(normal, facet, to_eye);
+}
+
+fn lit(colour: vec3<f32>, n: vec3<f32>, to_eye: vec3<f32>) -> vec4<f32> {
     return vec4<f32>(shoulder(light(colour, n, to_eye)), 1.0);
+}
+
+fn shaded(relative: vec3<f32>, normal: vec3<f32>, colour: vec3<f32>) -> vec4<f32> {
+    let to_eye = to_eye_from(relative);
+    return lit(colour, seen_normal(relative, normal, to_eye), to_eye);
 }
 
 @fragment

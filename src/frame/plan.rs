@@ -49,6 +49,7 @@ impl Renderer {
         self.states.fill(State::default());
         self.held.clear();
         self.looks.forget();
+        self.taken.forget();
         for first in 0..batches {
             let instances: Vec<u32> = (first as u32..count as u32).step_by(batches).collect();
             let rows = self.instance_rows(&instances);
@@ -233,6 +234,7 @@ impl Renderer {
         for delta in deltas.iter().flatten() {
             self.states[delta.instance as usize] = delta.new;
         }
+        self.taken.forget();
         self.held.clear();
         let states = &self.states;
         self.held.extend(self.touched.iter().filter(|&&instance| !states[instance as usize].is_empty()));

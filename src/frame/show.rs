@@ -14,7 +14,9 @@ use crate::gpu::GpuError;
 use crate::gpu::batch::Batch;
 use crate::gpu::target::Target;
 use crate::passes::depth_cue::DepthCuePass;
-use crate::passes::draw::{Asked, Cut, DrawBatch, DrawList, Edges, FrameUniform, Look, MOST_CLIPPED, Style};
+use crate::passes::draw::{
+    Asked, Cut, DrawBatch, DrawList, Edges, FrameUniform, Look, MOST_CLIPPED, MOST_SECTIONS, Ranges, Style,
+};
 use crate::passes::pick::PickPass;
 use crate::scene::Camera;
 use crate::stats::FrameRecord;
@@ -73,7 +75,10 @@ impl Renderer {
         }
         let asked = self.asked();
         self.draw.prepare(&self.gpu.device, asked);
-        let batches = drawn(&self.batches);
+        // A ghost covers some of its samples, whether it is cut or not.
+        let has_ranges = asked.cut != Cut::No && !self.looks.any_ghost;
+        let ranges = self.taken.ranges(self.batches.len(), &self.held, &self.states);
+        let batches = drawn(&self.batches, has_ranges.then_some(ranges));
         let list = DrawList { asked, batches: &batches, boxes: self.boxes.drawn() };
         let mut encoder = self.gpu.encoder("draw");
         self.draw.record(&self.gpu.device, &mut encoder, &self.target, &list, self.timer.render("draw"));
@@ -122,9 +127,14 @@ impl Renderer {
         size_of_val(&uniform) as u64
     }
 
-    /// What is asked of pictures from now on. Sections that cut off nothing of the model cost nothing.
+    /// What is asked of pictures from now on. Sections that cut off nothing of the model cost nothing, and of instances that
+    /// they cut off wholly the same holds as of hidden ones.
     pub fn set_style(&mut self, mut style: Style) {
         style.sections.retain(|section| section.cuts(self.scene.bounds()));
+        style.sections.truncate(MOST_SECTIONS);
+        if self.taken.set(&style.sections, self.scene.boxes()) {
+            self.leave_out_what_is_not_seen();
+        }
         self.style = style;
     }
 
@@ -137,7 +147,18 @@ impl Renderer {
         self.looks.all.copy_from_slice(looks);
         self.looks.any_ghost = looks.par_iter().any(|look| look.has(Look::GHOST));
         self.looks.changed = true;
-        let lacks = self.wishes.leave_out(hidden_of(looks));
+        self.leave_out_what_is_not_seen();
+    }
+
+    fn leave_out_what_is_not_seen(&mut self) {
+        let mut unseen = hidden_of(&self.looks.all);
+        let gone = self.taken.gone();
+        if unseen.is_empty() {
+            unseen = gone.to_vec();
+        } else {
+            unseen.iter_mut().zip(gone).for_each(|(word, gone)| *word |= gone);
+        }
+        let lacks = self.wishes.leave_out(unseen);
         if lacks {
             // As if the camera had moved.
             self.view = None;
@@ -154,7 +175,7 @@ impl Renderer {
         if x >= size[0] || y >= size[1] {
             return Ok(None);
         }
-        let batches = drawn(&self.batches);
+        let batches = drawn(&self.batches, None);
         let list = DrawList { asked: self.asked(), batches: &batches, boxes: self.boxes.drawn() };
         let pass = match &self.pick {
             Some(pass) => pass,
@@ -216,17 +237,18 @@ fn hidden_of(looks: &[Look]) -> Vec<u64> {
     looks.par_chunks(64).map(word).collect()
 }
 
-/// What the draw pass needs of batches that have something to draw.
-fn drawn(batches: &[Batch]) -> Vec<DrawBatch<'_>> {
-    let has_triangles = batches.iter().filter(|batch| batch.totals[2] > 0);
+/// What the draw pass needs of batches that have something to draw; all of them, or ranges by batch.
+fn drawn<'a>(batches: &'a [Batch], ranges: Option<&'a [Ranges]>) -> Vec<DrawBatch<'a>> {
+    let has_triangles = batches.iter().enumerate().filter(|(_, batch)| batch.totals[2] > 0);
     has_triangles
-        .map(|batch| DrawBatch {
+        .map(|(i, batch)| DrawBatch {
             instances: &batch.rows_group,
             vertices: &batch.existing()[0],
             indices: &batch.indices,
             triangles: &batch.existing()[2],
             indirect: &batch.indirect,
             indirect_offset: 0,
+            ranges: ranges.map(|ranges| &ranges[i]),
         })
         .collect()
 }

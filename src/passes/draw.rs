@@ -1,6 +1,6 @@
 //! draw: active vertices and the reformed index buffer of every batch in, a lit picture out.
 //!
-//! One indirect draw per batch. A vertex carries the number of its instance within the batch, so transforms and
+//! One indirect draw per batch, or ranges of it where sections cut some of its instances only. A vertex carries the number of its instance within the batch, so transforms and
 //! colours come from a table of [`InstanceRow`]s, and what the user has done to an instance from one of [`LookRow`]s: to
 //! hide, ghost or colour any number of instances writes words of that table and streams nothing. Depth is reversed; there
 //! is no culling by winding, because CAD data does not keep it.
@@ -14,6 +14,7 @@ mod row;
 mod uniform;
 
 use std::collections::HashMap;
+use std::ops::Range;
 
 use crate::gpu::target::Target;
 use pipelines::{Drawn, Kind, Pipelines};
@@ -64,6 +65,24 @@ pub struct DrawBatch<'a> {
     pub indirect: &'a wgpu::Buffer,
     /// Where in `indirect`, in bytes.
     pub indirect_offset: u64,
+    /// What is drawn of it; all of it if it is not said, cut as the frame asks for.
+    pub ranges: Option<&'a Ranges>,
+}
+
+/// Which triangles of a batch are drawn. What is in no range is not drawn.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Ranges {
+    /// Those that no section cuts: as if there were none.
+    pub kept: Vec<Range<u32>>,
+    /// Those that are cut as the frame asks for.
+    pub cut: Vec<Range<u32>>,
+}
+
+impl DrawBatch<'_> {
+    /// What of it is drawn in that way; `None` is all of it, by the indirect draw.
+    fn ranges_of(&self, is_cut: bool) -> Option<&[Range<u32>]> {
+        self.ranges.map(|ranges| if is_cut { ranges.cut.as_slice() } else { ranges.kept.as_slice() })
+    }
 }
 
 /// How surfaces are cut.
@@ -165,7 +184,6 @@ impl DrawPass {
         list: &DrawList<'_>,
         timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
     ) {
-        let [scene, of_boxes, background] = kinds(list.asked).map(|kind| self.made.get(&kind));
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("draw"),
             color_attachments: &[Some(target.colour_attachment())],
@@ -174,16 +192,8 @@ impl DrawPass {
             ..Default::default()
         });
         pass.set_bind_group(0, &self.frame_group, &[]);
-        if let Some(pipeline) = scene {
-            pass.set_pipeline(pipeline);
-            for batch in list.batches {
-                if list.asked.edges {
-                    self.draw_edged(device, &mut pass, batch);
-                } else {
-                    draw_batch(&mut pass, batch);
-                }
-            }
-        }
+        self.draw_scene(device, &mut pass, list);
+        let [_, _, of_boxes, background] = kinds(list.asked).map(|kind| self.made.get(&kind));
         if let Some(pipeline) = of_boxes {
             pass.set_pipeline(pipeline);
             draw_boxes(&mut pass, list);
@@ -194,12 +204,39 @@ impl DrawPass {
         }
     }
 
-    fn draw_edged(&self, device: &wgpu::Device, pass: &mut wgpu::RenderPass<'_>, batch: &DrawBatch<'_>) {
+    /// Draws all batches: what sections keep wholly, then the rest.
+    fn draw_scene(&self, device: &wgpu::Device, pass: &mut wgpu::RenderPass<'_>, list: &DrawList<'_>) {
+        let [kept, cut, ..] = kinds(list.asked).map(|kind| self.made.get(&kind));
+        for (pipeline, is_cut) in [(kept, false), (cut, true)] {
+            let Some(pipeline) = pipeline else { continue };
+            pass.set_pipeline(pipeline);
+            for batch in list.batches {
+                let ranges = batch.ranges_of(is_cut);
+                let is_drawn = ranges.map_or(is_cut, |ranges| !ranges.is_empty());
+                if is_drawn && list.asked.edges {
+                    self.draw_edged(device, pass, batch, ranges);
+                } else if is_drawn {
+                    draw_batch(pass, batch, ranges);
+                }
+            }
+        }
+    }
+
+    fn draw_edged(
+        &self,
+        device: &wgpu::Device,
+        pass: &mut wgpu::RenderPass<'_>,
+        batch: &DrawBatch<'_>,
+        ranges: Option<&[Range<u32>]>,
+    ) {
         let buffers = [batch.vertices, batch.indices, batch.triangles];
         let group = bind(device, "draw edges", &self.pipelines.edged, &buffers);
         pass.set_bind_group(1, batch.instances, &[]);
         pass.set_bind_group(2, &group, &[]);
-        pass.draw_indirect(batch.indirect, batch.indirect_offset);
+        match ranges {
+            None => pass.draw_indirect(batch.indirect, batch.indirect_offset),
+            Some(ranges) => ranges.iter().for_each(|range| pass.draw(corners_of(range), 0..1)),
+        }
     }
 }
 
@@ -208,11 +245,12 @@ fn module(device: &wgpu::Device, label: &str, source: &'static str) -> wgpu::Sha
     device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })
 }
 
-/// The pipelines of batches, boxes and the background.
-fn kinds(asked: Asked) -> [Kind; 3] {
+/// The pipelines of what is kept of batches, of what is cut of them, of boxes and of the background.
+fn kinds(asked: Asked) -> [Kind; 4] {
     let scene = if asked.edges { Drawn::Edged } else { Drawn::Scene };
     let cut = asked.cut;
     [
+        Kind { drawn: scene, cut: Cut::No },
         Kind { drawn: scene, cut },
         Kind { drawn: Drawn::Boxes, cut },
         Kind { drawn: Drawn::Background, cut: Cut::No },
@@ -227,12 +265,24 @@ pub(super) fn draw_boxes(pass: &mut wgpu::RenderPass<'_>, list: &DrawList<'_>) {
     }
 }
 
-/// Draws a batch by its index buffer, with the pipeline and the frame set.
-pub(super) fn draw_batch(pass: &mut wgpu::RenderPass<'_>, batch: &DrawBatch<'_>) {
+/// The corners of a range of triangles.
+fn corners_of(triangles: &Range<u32>) -> Range<u32> {
+    3 * triangles.start..3 * triangles.end
+}
+
+/// Draws ranges of a batch, or all of it, by its index buffer, with the pipeline and the frame set.
+pub(super) fn draw_batch(
+    pass: &mut wgpu::RenderPass<'_>,
+    batch: &DrawBatch<'_>,
+    ranges: Option<&[Range<u32>]>,
+) {
     pass.set_bind_group(1, batch.instances, &[]);
     pass.set_vertex_buffer(0, batch.vertices.slice(..));
     pass.set_index_buffer(batch.indices.slice(..), wgpu::IndexFormat::Uint32);
-    pass.draw_indexed_indirect(batch.indirect, batch.indirect_offset);
+    match ranges {
+        None => pass.draw_indexed_indirect(batch.indirect, batch.indirect_offset),
+        Some(ranges) => ranges.iter().for_each(|range| pass.draw_indexed(corners_of(range), 0, 0..1)),
+    }
 }
 
 pub(super) fn frame_buffer(device: &wgpu::Device, label: &str) -> wgpu::Buffer {
@@ -335,6 +385,7 @@ mod tests {
             ("to_viewer", offset_of!(FrameUniform, to_viewer)),
             ("edges", offset_of!(FrameUniform, edges)),
             ("sections", offset_of!(FrameUniform, sections)),
+            ("entries", offset_of!(FrameUniform, entries)),
         ];
         assert_layout("Frame", &host, size_of::<FrameUniform>());
     }

@@ -125,7 +125,7 @@ impl PickPass {
         });
         pass.set_bind_group(0, &self.frame_group, &[]);
         pass.set_pipeline(&self.scene);
-        list.batches.iter().for_each(|batch| draw_batch(&mut pass, batch));
+        list.batches.iter().for_each(|batch| draw_batch(&mut pass, batch, None));
         pass.set_pipeline(&self.boxes);
         draw_boxes(&mut pass, list);
     }

@@ -55,8 +55,19 @@ impl Section {
 
     /// Whether any of a box is cut off. What a rounding error of the box's size would take is not.
     pub fn cuts(&self, bounds: &Bounds) -> bool {
-        let nearest = self.distance(bounds.centre()) - 0.5 * bounds.extent().dot(self.normal.abs());
+        let nearest = self.distance(bounds.centre()) - self.reach(bounds);
         nearest < -1e-9 * bounds.scale()
+    }
+
+    /// Whether all of a box is cut off, by more than a rounding error of the box's size.
+    pub fn takes(&self, bounds: &Bounds) -> bool {
+        let farthest = self.distance(bounds.centre()) + self.reach(bounds);
+        farthest < -1e-9 * bounds.scale()
+    }
+
+    /// How far a box reaches from its centre, along the normal.
+    fn reach(&self, bounds: &Bounds) -> f64 {
+        0.5 * bounds.extent().dot(self.normal.abs())
     }
 
     /// The six planes that keep what is inside a box.
@@ -107,7 +118,14 @@ pub struct FrameUniform {
     pub(super) to_viewer: Vec3,
     pub(super) edges: u32,
     pub(super) sections: [Vec4; MOST_SECTIONS],
+    pub(super) entries: [Vec4; MOST_SECTIONS],
 }
+
+/// A section that keeps everything.
+const KEEPS_ALL: Vec4 = Vec4::W;
+
+/// Of a section that no line of sight comes in by.
+const NO_ENTRY: Vec4 = Vec4::new(0.0, 0.0, 0.0, f32::MAX);
 
 impl FrameUniform {
     /// The frame as `camera` sees it in a picture of that aspect (width over height).
@@ -116,9 +134,12 @@ impl FrameUniform {
         let towards = |right: f64, up: f64, back: f64| {
             (camera.world_from_view * DVec3::new(right, up, back).normalize()).as_vec3()
         };
-        let mut sections = [Vec4::ZERO; MOST_SECTIONS];
-        for (plane, section) in sections.iter_mut().zip(&style.sections) {
+        let to_viewer = towards(0.0, 0.0, 1.0);
+        let mut sections = [KEEPS_ALL; MOST_SECTIONS];
+        let mut entries = [NO_ENTRY; MOST_SECTIONS];
+        for ((plane, entry), section) in sections.iter_mut().zip(&mut entries).zip(&style.sections) {
             *plane = section.relative_to(camera.eye);
+            *entry = entry_by(*plane, camera.parallel.map(|_| to_viewer));
         }
         Self {
             clip_from_relative: camera.clip_from_relative(aspect),
@@ -130,13 +151,14 @@ impl FrameUniform {
             section_count: style.sections.len().min(MOST_SECTIONS) as u32,
             to_rim: towards(0.85, 0.15, -0.35),
             line_px: if style.edges == Edges::All { 0.4 } else { 0.7 },
-            to_viewer: towards(0.0, 0.0, 1.0),
+            to_viewer,
             edges: match style.edges {
                 Edges::None => 0,
                 Edges::Features => EDGES_FEATURES,
                 Edges::All => EDGES_ALL,
             },
             sections,
+            entries,
         }
     }
 
@@ -149,5 +171,72 @@ impl FrameUniform {
         let larger = Mat4::from_scale(Vec3::new(width, height, 1.0));
         let moved = Mat4::from_translation(Vec3::new(-right, -up, 0.0));
         Self { clip_from_relative: larger * moved * self.clip_from_relative, ..self }
+    }
+}
+
+/// What tells, of lines of sight to points relative to the eye, by which plane (relative to the eye) they came in last: the
+/// least of `dot(xyz, p) + w`, which only has to order the planes.
+///
+/// Without perspective all lines run along `to_viewer`, and this is the distance back to the plane. From an eye, only
+/// those come in by a plane that begin behind it, and the plane cuts off 1 over this of such a line.
+fn entry_by(plane: Vec4, to_viewer: Option<Vec3>) -> Vec4 {
+    let (row, leaves) = match to_viewer {
+        Some(to_viewer) => (plane, -plane.truncate().dot(to_viewer)),
+        None => (plane.truncate().extend(0.0), -plane.w),
+    };
+    let entry = row / leaves;
+    if leaves > 0.0 && entry.is_finite() { entry } else { NO_ENTRY }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// How far along the line to `point` it comes in by the plane, if it does: in units of the line, or from nowhere.
+    fn comes_in(plane: Vec4, point: Vec3, to_viewer: Option<Vec3>) -> Option<f32> {
+        let at_point = plane.truncate().dot(point) + plane.w;
+        match to_viewer {
+            Some(to_viewer) => {
+                let along = plane.truncate().dot(to_viewer);
+                (along < 0.0).then(|| at_point / along)
+            }
+            None => (plane.w < 0.0).then(|| -plane.w / (at_point - plane.w)),
+        }
+    }
+
+    fn vector() -> impl Strategy<Value = Vec3> {
+        [-1.0f32..1.0, -1.0f32..1.0, -1.0f32..1.0].prop_map(Vec3::from)
+    }
+
+    proptest! {
+        #[test]
+        fn the_least_entry_is_the_plane_come_in_by_last(
+            planes in proptest::collection::vec((vector(), -3.0f32..3.0), 1..6),
+            point in vector(),
+            to_viewer in proptest::option::of(vector()),
+        ) {
+            let unit = |v: Vec3| v.try_normalize().unwrap_or(Vec3::X);
+            let to_viewer = to_viewer.map(unit);
+            let point = 4.0 * point;
+            // Those that cut the point away are turned: a point that is drawn is kept by all.
+            let planes: Vec<Vec4> = planes
+                .into_iter()
+                .map(|(normal, w)| unit(normal).extend(w))
+                .map(|plane| if plane.truncate().dot(point) + plane.w < 0.0 { -plane } else { plane })
+                .collect();
+            let before = |plane: &Vec4| {
+                let entry = entry_by(*plane, to_viewer);
+                entry.truncate().dot(point) + entry.w
+            };
+            let least = planes.iter().min_by(|a, b| before(a).total_cmp(&before(b))).copied();
+            let found = least.filter(|plane| before(plane) < 3e38);
+            let last = planes.iter().filter_map(|&plane| comes_in(plane, point, to_viewer)).max_by(f32::total_cmp);
+            let by_found = found.and_then(|plane| comes_in(plane, point, to_viewer));
+            match (by_found, last) {
+                (Some(a), Some(b)) => prop_assert!((a - b).abs() <= 1e-4 * (1.0 + b.abs()), "{a} {b}"),
+                (a, b) => prop_assert_eq!(a, b),
+            }
+        }
     }
 }

@@ -1,0 +1,198 @@
+//! Sections and the boxes of instances in; what they take away of each instance, and which active triangles are drawn how, out.
+//!
+//! Of a large model most instances lie on one side of a plane. What is taken away wholly is not drawn, and once the camera
+//! moves it takes no part in the budget; what is kept wholly is drawn as if there were no sections. Only the instances that
+//! are cut pay for being cut.
+
+use rayon::prelude::*;
+
+use crate::passes::draw::{Ranges, Section};
+use crate::scene::{Bounds, InstanceBox};
+use crate::stream::State;
+
+/// A range of triangles that are drawn in one way is at least this share of those of its batch, so that draws are few.
+const LEAST_SHARE: u32 = 128;
+
+/// What sections do to an instance; the worst of them counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Fate {
+    Kept,
+    Cut,
+    Gone,
+}
+
+/// What sections take away.
+#[derive(Debug, Default)]
+pub(super) struct Taken {
+    sections: Vec<Section>,
+    /// A bit for each instance of which everything goes; no bits without sections.
+    gone: Vec<u64>,
+    /// A bit for each of which some stays and some may go.
+    cut: Vec<u64>,
+    /// By batch.
+    ranges: Vec<Ranges>,
+    is_current: bool,
+}
+
+impl Taken {
+    /// Takes other sections; says whether they were others.
+    pub fn set(&mut self, sections: &[Section], boxes: &[InstanceBox]) -> bool {
+        if self.sections == sections {
+            return false;
+        }
+        self.sections = sections.to_vec();
+        (self.gone, self.cut) = match sections {
+            [] => (Vec::new(), Vec::new()),
+            sections => boxes.par_chunks(64).map(|boxes| bits(boxes, sections)).unzip(),
+        };
+        self.is_current = false;
+        true
+    }
+
+    /// A bit for each instance of which nothing is left; no bits without sections.
+    pub fn gone(&self) -> &[u64] {
+        &self.gone
+    }
+
+    /// What the GPU holds is not what it was.
+    pub fn forget(&mut self) {
+        self.is_current = false;
+    }
+
+    /// What is drawn of so many batches, given the instances that the GPU holds something of, ascending, and of all
+    /// instances how much. Instances are dealt to the batches in turn.
+    pub fn ranges(&mut self, batches: usize, held: &[u32], states: &[State]) -> &[Ranges] {
+        if !self.is_current {
+            let of_batch = |batch: usize| {
+                let own = held.iter().filter(|&&instance| instance as usize % batches == batch);
+                ranges(own.map(|&instance| (self.fate(instance), states[instance as usize].triangles)))
+            };
+            self.ranges = (0..batches).map(of_batch).collect();
+            self.is_current = true;
+        }
+        &self.ranges
+    }
+
+    fn fate(&self, instance: u32) -> Fate {
+        let is_in = |bits: &[u64]| {
+            bits.get(instance as usize / 64).is_some_and(|word| word >> (instance % 64) & 1 != 0)
+        };
+        match (is_in(&self.gone), is_in(&self.cut)) {
+            (true, _) => Fate::Gone,
+            (false, true) => Fate::Cut,
+            (false, false) => Fate::Kept,
+        }
+    }
+}
+
+/// Which of up to 64 boxes are gone, and which are cut.
+fn bits(boxes: &[InstanceBox], sections: &[Section]) -> (u64, u64) {
+    boxes.iter().enumerate().fold((0, 0), |(gone, cut), (i, of)| match fate(of, sections) {
+        Fate::Gone => (gone | 1 << i, cut),
+        Fate::Cut => (gone, cut | 1 << i),
+        Fate::Kept => (gone, cut),
+    })
+}
+
+fn fate(of: &InstanceBox, sections: &[Section]) -> Fate {
+    let bounds = Bounds::new(of.centre - of.half_extent, of.centre + of.half_extent);
+    let cuts = |section: &Section| match (section.takes(&bounds), section.cuts(&bounds)) {
+        (true, _) => Fate::Gone,
+        (false, true) => Fate::Cut,
+        (false, false) => Fate::Kept,
+    };
+    sections.iter().map(cuts).max().unwrap_or(Fate::Kept)
+}
+
+/// The ranges of a batch, given the fates and triangles of its instances in their order. What is too little to be drawn
+/// apart counts as cut, which is right for any triangle.
+fn ranges(instances: impl Iterator<Item = (Fate, u32)>) -> Ranges {
+    let all = joined(instances);
+    let least = all.iter().map(|(_, triangles)| triangles).sum::<u32>() / LEAST_SHARE;
+    let coarser = all.into_iter().map(|(fate, triangles)| match triangles < least {
+        true => (Fate::Cut, triangles),
+        false => (fate, triangles),
+    });
+    let mut found = Ranges::default();
+    let mut start = 0;
+    for (fate, triangles) in joined(coarser) {
+        let range = start..start + triangles;
+        start = range.end;
+        match fate {
+            Fate::Kept => found.kept.push(range),
+            Fate::Cut => found.cut.push(range),
+            Fate::Gone => {}
+        }
+    }
+    found
+}
+
+/// Neighbours of the same fate as one.
+fn joined(instances: impl Iterator<Item = (Fate, u32)>) -> Vec<(Fate, u32)> {
+    let mut joined: Vec<(Fate, u32)> = Vec::new();
+    for (fate, triangles) in instances.filter(|&(_, triangles)| triangles > 0) {
+        match joined.last_mut() {
+            Some((last, sum)) if *last == fate => *sum += triangles,
+            _ => joined.push((fate, triangles)),
+        }
+    }
+    joined
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+    use proptest::prelude::*;
+
+    fn fates() -> impl Strategy<Value = Vec<(Fate, u32)>> {
+        let fate = prop_oneof![Just(Fate::Kept), Just(Fate::Cut), Just(Fate::Gone)];
+        proptest::collection::vec((fate, 0u32..400), 0..2000)
+    }
+
+    proptest! {
+        #[test]
+        fn every_triangle_is_drawn_as_its_instance_asks_or_as_cut(instances in fates()) {
+            let found = ranges(instances.iter().copied());
+            prop_assert!(found.kept.len() + found.cut.len() <= 2 * LEAST_SHARE as usize + 1);
+            let total: u32 = instances.iter().map(|&(_, triangles)| triangles).sum();
+            let mut drawn = vec![Fate::Gone; total as usize];
+            for (ranges, fate) in [(&found.kept, Fate::Kept), (&found.cut, Fate::Cut)] {
+                for triangle in ranges.iter().cloned().flatten() {
+                    prop_assert_eq!(drawn[triangle as usize], Fate::Gone, "triangle {} is drawn twice", triangle);
+                    drawn[triangle as usize] = fate;
+                }
+            }
+            let asked = instances.iter().flat_map(|&(fate, triangles)| vec![fate; triangles as usize]);
+            for (triangle, (drawn, asked)) in drawn.into_iter().zip(asked).enumerate() {
+                prop_assert!(drawn == asked || drawn == Fate::Cut, "triangle {}: {:?} {:?}", triangle, drawn, asked);
+            }
+        }
+    }
+
+    #[test]
+    fn few_instances_in_long_stretches_keep_their_fates() {
+        let instances =
+            [(Fate::Kept, 1000), (Fate::Kept, 3), (Fate::Gone, 500), (Fate::Cut, 2), (Fate::Kept, 900)];
+        let found = ranges(instances.into_iter());
+        assert_eq!(found.kept, [0..1003, 1505..2405]);
+        assert_eq!(found.cut, vec![1503..1505; 1]);
+    }
+
+    #[test]
+    fn a_box_is_kept_cut_or_gone() {
+        let at =
+            |x: f64| InstanceBox { centre: DVec3::X * x, half_extent: DVec3::ONE, diagonal: 12f64.sqrt() };
+        let plane = Section { point: DVec3::ZERO, normal: DVec3::X };
+        let corner = Section { point: DVec3::ZERO, normal: DVec3::new(1.0, 1.0, 0.0).normalize() };
+        for (x, expected) in
+            [(3.0, Fate::Kept), (1.0, Fate::Kept), (0.5, Fate::Cut), (-0.5, Fate::Cut), (-3.0, Fate::Gone)]
+        {
+            assert_eq!(fate(&at(x), &[plane]), expected, "{x}");
+        }
+        assert_eq!(fate(&at(1.5), &[plane, corner]), Fate::Cut);
+        assert_eq!(fate(&at(-3.0), &[corner, plane]), Fate::Gone);
+        // A face on the plane is seen or not as rounding has it, as ever.
+        assert_eq!(fate(&at(-1.0), &[plane]), Fate::Cut);
+    }
+}

@@ -29,6 +29,7 @@ use crate::geometry::body::{BodyOutcome, OrderOptions, order_body};
 use crate::geometry::cell_tree::Watch;
 use crate::geometry::normals::{CREASE_DEGREES, by_crease_angle};
 use crate::import::{self, ImportError, Problem, Room, SourceMesh};
+use crate::stats::memory;
 use crate::whole_file::folder_of;
 
 pub use bodies::{Body, MaterialRuns, Placement, bodies, merged};
@@ -213,7 +214,7 @@ pub fn bake(
     options: &BakeOptions,
     progress: &BakeProgress,
 ) -> Result<BakeReport, BakeError> {
-    let started = Instant::now();
+    let (started, resident) = (Instant::now(), memory::begin_peak());
     container::check_destination(output)?;
     let room = room_for_input(output, options, &progress.cancelled);
     let model = import::read_into(inputs, &room).map_err(|error| match error {
@@ -229,7 +230,7 @@ pub fn bake(
         }
         other => other,
     })?;
-    report.add_import(import_seconds);
+    report.add_import(import_seconds, resident);
     Ok(report)
 }
 

@@ -68,6 +68,8 @@ pub struct BakeReport {
     pub bytes_per_triangle: f64,
     /// Peak resident memory of the process; `null` where the system does not tell.
     pub peak_rss_bytes: Option<u64>,
+    /// Resident memory of the process before the input was read; `null` where the system does not tell.
+    pub rss_before_bytes: Option<u64>,
     /// Every part, in the container's order, if it was asked for; not part of the summary.
     #[serde(skip)]
     pub part_list: Vec<PartReport>,
@@ -164,8 +166,9 @@ impl BakeReport {
         self.peak_rss_bytes = crate::stats::memory::peak_resident_bytes();
     }
 
-    /// Adds the time that reading the input took.
-    pub(super) fn add_import(&mut self, seconds: f64) {
+    /// Adds the time that reading the input took, and what was resident before.
+    pub(super) fn add_import(&mut self, seconds: f64, rss_before_bytes: Option<u64>) {
+        self.rss_before_bytes = rss_before_bytes;
         self.import_seconds = seconds;
         self.seconds += seconds;
         self.triangles_per_second = self.source_triangles as f64 / self.seconds.max(1e-9);

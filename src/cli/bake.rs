@@ -269,9 +269,11 @@ fn cost_lines(report: &BakeReport) -> Vec<String> {
         report.write_seconds,
         human::rounded(report.triangles_per_second)
     )];
-    lines.extend(report.peak_rss_bytes.map(|peak| {
-        let each = peak as f64 / report.source_triangles.max(1) as f64;
-        format!("memory       {} at most ({each:.0} bytes/triangle read)", human::bytes(peak))
+    lines.extend(report.peak_rss_bytes.zip(report.rss_before_bytes).map(|(peak, before)| {
+        let own = peak.saturating_sub(before);
+        let each = own as f64 / report.source_triangles.max(1) as f64;
+        let [peak, own] = [peak, own].map(human::bytes);
+        format!("memory       {peak} at most, {own} of it for the bake ({each:.0} bytes/triangle read)")
     }));
     lines
 }

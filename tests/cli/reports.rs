@@ -44,7 +44,8 @@ fn bake_json_has_the_promised_keys() {
     assert_counts(&report, &COUNTS);
     assert_numbers(&report, &["seconds", "triangles_per_second", "bytes_per_triangle"]);
     if cfg!(target_os = "linux") {
-        assert_counts(&report, &["peak_rss_bytes"]);
+        assert_counts(&report, &["peak_rss_bytes", "rss_before_bytes"]);
+        assert!(report["rss_before_bytes"].as_u64() <= report["peak_rss_bytes"].as_u64());
     }
     assert_eq!((&report["parts"], &report["instances"]), (&2.into(), &2.into()));
     assert_eq!(report["triangles"], 6 * 100 * 2 + 144 * 2);

@@ -142,7 +142,7 @@ fn every_prefix_is_the_sequential_mesh(
     compare_state(&naive, mesh, vn);
     let strict_cells = welded.triangles.len() < 3_000;
     for (i, group) in order.groups.iter().enumerate() {
-        let moves = &order.moves[moves_start..group.moves_end];
+        let moves = &order.moves[moves_start..group.moves_end as usize];
         let before = strict_cells.then(|| non_manifold_edges(welded, &naive.triangles));
         let changed = naive.step(moves);
         if group.phase.keeps_sides() {
@@ -154,7 +154,7 @@ fn every_prefix_is_the_sequential_mesh(
             assert!(after.len() <= before.len(), "step {i} made {after:?} of {before:?}");
         }
         vn -= moves.len() as u32;
-        moves_start = group.moves_end;
+        moves_start = group.moves_end as usize;
         if i % stride == 0 || i + 1 == order.groups.len() {
             compare_state(&naive, mesh, vn);
         }
@@ -389,7 +389,7 @@ fn states_in_strides(welded: &WeldedMesh, order: &CollapseOrder, mesh: &OrderedM
     let mut naive = Naive::new(welded);
     let mut start = 0;
     for groups in order.groups.chunks(stride) {
-        let end = groups[groups.len() - 1].moves_end;
+        let end = groups[groups.len() - 1].moves_end as usize;
         naive.step(&order.moves[start..end]);
         start = end;
         compare_state(&naive, mesh, (mesh.vertices.len() - end) as u32);

@@ -70,7 +70,7 @@ pub fn costs(mesh: &WeldedMesh) -> Curve {
     let triangles = mesh.triangles.len();
     let mut curve = Curve::new(triangles as u64);
     for group in &order.groups {
-        curve.push((triangles - group.removed_end) as u64, f64::from(group.cost));
+        curve.push(triangles as u64 - u64::from(group.removed_end), f64::from(group.cost));
     }
     curve
 }

@@ -88,7 +88,7 @@ fn triangles_at(mesh: &WeldedMesh, order: &CollapseOrder, locked: usize) -> Tria
     for (i, group) in order.groups.iter().enumerate().rev() {
         let (moves_start, removed_start) =
             if i == 0 { (0, 0) } else { (order.groups[i - 1].moves_end, order.groups[i - 1].removed_end) };
-        push_group(&mut added, group.moves_end - moves_start, (group.removed_end - removed_start) as u32);
+        push_group(&mut added, (group.moves_end - moves_start) as usize, group.removed_end - removed_start);
     }
     TrianglesAt::from_added(added)
 }
@@ -103,7 +103,7 @@ fn push_group(added: &mut Vec<Option<u32>>, vertices: usize, triangles: u32) {
 /// Something of every state, finest first, with its vertex count.
 fn states(vertices: usize, order: &CollapseOrder, of: fn(&Group) -> f32) -> Vec<(u32, f32)> {
     let whole = (vertices as u32, 0.0);
-    let after = order.groups.iter().map(|group| ((vertices - group.moves_end) as u32, of(group)));
+    let after = order.groups.iter().map(|group| (vertices as u32 - group.moves_end, of(group)));
     std::iter::once(whole).chain(after).collect()
 }
 

@@ -223,7 +223,12 @@ impl WeldedMesh {
             used[wedge as usize] = true;
         }
         let mut new_wedge = vec![u32::MAX; self.wedges.len()];
-        let mut kept = WeldedMesh::default();
+        let count = used.iter().filter(|&&used| used).count();
+        let mut kept = WeldedMesh {
+            wedges: Vec::with_capacity(count),
+            wedge_position: Vec::with_capacity(count),
+            ..WeldedMesh::default()
+        };
         let mut last = None;
         for wedge in (0..self.wedges.len()).filter(|&wedge| used[wedge]) {
             let position = self.wedge_position[wedge];
@@ -238,6 +243,7 @@ impl WeldedMesh {
         for triangle in &mut self.triangles {
             *triangle = triangle.map(|wedge| new_wedge[wedge as usize]);
         }
+        kept.positions.shrink_to_fit();
         (self.positions, self.wedges, self.wedge_position) =
             (kept.positions, kept.wedges, kept.wedge_position);
     }

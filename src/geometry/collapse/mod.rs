@@ -101,9 +101,9 @@ pub enum Target {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Group {
     /// Its wedges: `moves[previous.moves_end..moves_end]`.
-    pub moves_end: usize,
+    pub moves_end: u32,
     /// Its triangles: `removed[previous.removed_end..removed_end]`.
-    pub removed_end: usize,
+    pub removed_end: u32,
     /// Geometric error of the mesh after the step, in grid steps; never less than that of the step before.
     pub error: f32,
     /// The greatest cost of a step so far, an area times a squared distance, in grid steps: what meshes on one grid can
@@ -124,6 +124,18 @@ pub struct CollapseOrder {
     pub removed: Vec<u32>,
     /// What stops most of the positions that are left.
     pub stall: Stall,
+}
+
+impl CollapseOrder {
+    /// No steps yet, and room for as many as the mesh may take.
+    fn with_room_for(mesh: &WeldedMesh) -> Self {
+        Self {
+            groups: Vec::with_capacity(mesh.positions.len()),
+            moves: Vec::with_capacity(mesh.wedges.len()),
+            removed: Vec::with_capacity(mesh.triangles.len()),
+            stall: Stall::default(),
+        }
+    }
 }
 
 /// Computes the complete collapse order of a welded mesh. `locked` has one entry per position.
@@ -220,7 +232,7 @@ impl<'a> Simplifier<'a> {
             error: 0.0,
             cost: 0.0,
             grid_steps,
-            order: CollapseOrder::default(),
+            order: CollapseOrder::with_room_for(welded),
             wedge_gone: vec![false; welded.wedges.len()],
             killed_wedges: Vec::new(),
             neighbours: Vec::new(),
@@ -368,8 +380,8 @@ impl<'a> Simplifier<'a> {
 
     fn close_group(&mut self, phase: Phase) {
         self.order.groups.push(Group {
-            moves_end: self.order.moves.len(),
-            removed_end: self.order.removed.len(),
+            moves_end: self.order.moves.len() as u32,
+            removed_end: self.order.removed.len() as u32,
             error: self.error * self.grid_steps,
             cost: self.cost * self.grid_steps.powi(4),
             phase,

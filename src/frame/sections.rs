@@ -7,14 +7,15 @@
 use rayon::prelude::*;
 
 use crate::passes::draw::{Ranges, Section};
-use crate::scene::{Bounds, InstanceBox};
+use crate::scene::InstanceBox;
 use crate::stream::State;
 
-/// A range of triangles that are drawn in one way is at least this share of those of its batch, so that draws are few.
-const LEAST_SHARE: u32 = 128;
+/// At most so many stretches of instances of one fate are drawn apart in a batch (and one more), so that draws are few: where
+/// there are more, what is smaller than twice this share of the batch counts as cut.
+const MOST_STRETCHES: u32 = 256;
 
 /// What sections do to an instance; the worst of them counts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Fate {
     Kept,
     Cut,
@@ -95,20 +96,27 @@ fn bits(boxes: &[InstanceBox], sections: &[Section]) -> (u64, u64) {
 }
 
 fn fate(of: &InstanceBox, sections: &[Section]) -> Fate {
-    let bounds = Bounds::new(of.centre - of.half_extent, of.centre + of.half_extent);
-    let cuts = |section: &Section| match (section.takes(&bounds), section.cuts(&bounds)) {
-        (true, _) => Fate::Gone,
-        (false, true) => Fate::Cut,
-        (false, false) => Fate::Kept,
-    };
-    sections.iter().map(cuts).max().unwrap_or(Fate::Kept)
+    // What a rounding error of the box's size would take is kept, and what it would leave is cut.
+    let rounding = 1e-9 * (of.centre.abs() + of.half_extent).max_element();
+    let mut worst = Fate::Kept;
+    for section in sections {
+        let [nearest, farthest] = section.span(of.centre, of.half_extent);
+        if farthest < -rounding {
+            return Fate::Gone;
+        }
+        if nearest < -rounding {
+            worst = Fate::Cut;
+        }
+    }
+    worst
 }
 
 /// The ranges of a batch, given the fates and triangles of its instances in their order. What is too little to be drawn
 /// apart counts as cut, which is right for any triangle.
 fn ranges(instances: impl Iterator<Item = (Fate, u32)>) -> Ranges {
     let all = joined(instances);
-    let least = all.iter().map(|(_, triangles)| triangles).sum::<u32>() / LEAST_SHARE;
+    let total: u32 = all.iter().map(|(_, triangles)| triangles).sum();
+    let least = if all.len() <= MOST_STRETCHES as usize { 0 } else { 2 * total.div_ceil(MOST_STRETCHES) };
     let coarser = all.into_iter().map(|(fate, triangles)| match triangles < least {
         true => (Fate::Cut, triangles),
         false => (fate, triangles),
@@ -154,7 +162,7 @@ mod tests {
         #[test]
         fn every_triangle_is_drawn_as_its_instance_asks_or_as_cut(instances in fates()) {
             let found = ranges(instances.iter().copied());
-            prop_assert!(found.kept.len() + found.cut.len() <= 2 * LEAST_SHARE as usize + 1);
+            prop_assert!(found.kept.len() + found.cut.len() <= MOST_STRETCHES as usize + 1);
             let total: u32 = instances.iter().map(|&(_, triangles)| triangles).sum();
             let mut drawn = vec![Fate::Gone; total as usize];
             for (ranges, fate) in [(&found.kept, Fate::Kept), (&found.cut, Fate::Cut)] {

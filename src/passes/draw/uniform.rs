@@ -55,19 +55,14 @@ impl Section {
 
     /// Whether any of a box is cut off. What a rounding error of the box's size would take is not.
     pub fn cuts(&self, bounds: &Bounds) -> bool {
-        let nearest = self.distance(bounds.centre()) - self.reach(bounds);
+        let [nearest, _] = self.span(bounds.centre(), 0.5 * bounds.extent());
         nearest < -1e-9 * bounds.scale()
     }
 
-    /// Whether all of a box is cut off, by more than a rounding error of the box's size.
-    pub fn takes(&self, bounds: &Bounds) -> bool {
-        let farthest = self.distance(bounds.centre()) + self.reach(bounds);
-        farthest < -1e-9 * bounds.scale()
-    }
-
-    /// How far a box reaches from its centre, along the normal.
-    fn reach(&self, bounds: &Bounds) -> f64 {
-        0.5 * bounds.extent().dot(self.normal.abs())
+    /// The least and the greatest distance from the plane that points of a box have, given its centre and half its extent.
+    pub fn span(&self, centre: DVec3, half_extent: DVec3) -> [f64; 2] {
+        let (middle, reach) = (self.distance(centre), half_extent.dot(self.normal.abs()));
+        [middle - reach, middle + reach]
     }
 
     /// The six planes that keep what is inside a box.

@@ -522,7 +522,7 @@ fn what_sections_take_wholly_leaves_its_budget_to_the_rest_once_the_camera_moves
     let scene = spheres(5);
     let camera = front(&scene);
     let settings = Settings { budget_vertices: 1500, ..settings() };
-    let mut renderer = Renderer::new(gpu, Arc::clone(&scene), settings).unwrap();
+    let mut renderer = Renderer::new(Arc::clone(&gpu), Arc::clone(&scene), settings).unwrap();
     settle(&mut renderer, &camera);
     let of = |renderer: &Renderer, i: usize| renderer.states()[i].vertices;
     let before = of(&renderer, 4);
@@ -534,6 +534,12 @@ fn what_sections_take_wholly_leaves_its_budget_to_the_rest_once_the_camera_moves
     settle(&mut renderer, &moved);
     assert!(of(&renderer, 4) > 2 * before, "{before} {}", of(&renderer, 4));
     assert_eq!(of(&renderer, 0), 0);
+    // What is drawn follows what is streamed.
+    let mut fresh = Renderer::new(gpu, Arc::clone(&scene), settings).unwrap();
+    fresh.set_style(Style { sections: vec![section], ..Style::default() });
+    settle(&mut fresh, &moved);
+    assert_eq!(of(&fresh, 4), of(&renderer, 4));
+    assert!(pixels(&fresh) == pixels(&renderer));
     // Both reasons count, and each goes by itself.
     let mut looks = vec![Look::default(); 5];
     looks[1] = Look::HIDDEN;

@@ -77,8 +77,9 @@ impl Renderer {
         self.draw.prepare(&self.gpu.device, asked);
         // A ghost covers some of its samples, whether it is cut or not.
         let has_ranges = asked.cut != Cut::No && !self.looks.any_ghost;
-        let ranges = self.taken.ranges(self.batches.len(), &self.held, &self.states);
-        let batches = drawn(&self.batches, has_ranges.then_some(ranges));
+        let (count, held, states) = (self.batches.len(), &self.held, &self.states);
+        let ranges = has_ranges.then(|| self.taken.ranges(count, held, states));
+        let batches = drawn(&self.batches, ranges);
         let list = DrawList { asked, batches: &batches, boxes: self.boxes.drawn() };
         let mut encoder = self.gpu.encoder("draw");
         self.draw.record(&self.gpu.device, &mut encoder, &self.target, &list, self.timer.render("draw"));

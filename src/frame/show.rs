@@ -124,8 +124,7 @@ impl Renderer {
             return 0;
         }
         self.uniform = Some(uniform);
-        self.draw.write_frame(&self.gpu.queue, &uniform);
-        size_of_val(&uniform) as u64
+        self.draw.write_frame(&self.gpu.queue, &uniform)
     }
 
     /// What is asked of pictures from now on. Sections that cut off nothing of the model cost nothing, and of instances that

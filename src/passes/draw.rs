@@ -163,9 +163,10 @@ impl DrawPass {
         bind(device, "draw instances", &self.pipelines.instances, &[rows, looks])
     }
 
-    /// Sets what the next submission sees as the frame.
-    pub fn write_frame(&self, queue: &wgpu::Queue, frame: &FrameUniform) {
-        queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
+    /// Sets what the next submission sees as the frame; returns the bytes that are sent.
+    pub fn write_frame(&self, queue: &wgpu::Queue, frame: &FrameUniform) -> u64 {
+        queue.write_buffer(&self.frame, 0, frame.bytes_used());
+        frame.bytes_used().len() as u64
     }
 
     /// Makes the pipelines that a frame needs, if they are not there.

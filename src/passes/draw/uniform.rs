@@ -1,5 +1,7 @@
 //! A camera and what is asked of the picture in, the uniform of a frame out.
 
+use std::mem::offset_of;
+
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, DVec4, Mat4, Vec3, Vec4};
 
@@ -155,6 +157,12 @@ impl FrameUniform {
             sections,
             entries,
         }
+    }
+
+    /// What the GPU lacks of it: without sections their rows are not looked at, and stay what they were.
+    pub(super) fn bytes_used(&self) -> &[u8] {
+        let all = bytemuck::bytes_of(self);
+        if self.section_count > 0 { all } else { &all[..offset_of!(Self, sections)] }
     }
 
     /// The same frame with one pixel as the whole picture.

@@ -189,9 +189,9 @@ mod tests {
             let found = boxes.nearest(left, p, [100.0, 0.0], 1000);
             prop_assert!((found.squared - least).abs() < 1e-4, "{} is not {least}", found.squared);
             prop_assert_eq!(found.triangle.is_some(), least < 100.0);
-            // Enough is enough, and what is too far away is not there.
-            prop_assert!(boxes.nearest(left, p, [100.0, 5.0], 1000).squared <= least.max(5.0));
-            prop_assert!(boxes.nearest(left, p, [0.9 * least, 0.0], 1000).triangle.is_none());
+            // Enough is enough, and what is too far away is not there: four at once are rounded otherwise than one alone.
+            prop_assert!(boxes.nearest(left, p, [100.0, 5.0], 1000).squared <= least.max(5.0) + 1e-4);
+            prop_assert!(boxes.nearest(left, p, [0.9 * least - 1e-4, 0.0], 1000).triangle.is_none());
             let any = boxes.nearest(left, p, [f32::INFINITY, 0.0], 0).triangle;
             prop_assert!(any != Some(gone));
         }

@@ -6,8 +6,9 @@
 
 use rayon::prelude::*;
 
-use crate::passes::draw::{Ranges, Section};
+use crate::passes::draw::{ROUNDING, Ranges, Section};
 use crate::scene::InstanceBox;
+use crate::select::wish::has_bit;
 use crate::stream::State;
 
 /// At most so many stretches of instances of one fate are drawn apart in a batch (and one more), so that draws are few: where
@@ -75,9 +76,7 @@ impl Taken {
     }
 
     fn fate(&self, instance: u32) -> Fate {
-        let is_in = |bits: &[u64]| {
-            bits.get(instance as usize / 64).is_some_and(|word| word >> (instance % 64) & 1 != 0)
-        };
+        let is_in = |bits: &[u64]| has_bit(bits, instance as usize);
         match (is_in(&self.gone), is_in(&self.cut)) {
             (true, _) => Fate::Gone,
             (false, true) => Fate::Cut,
@@ -97,7 +96,7 @@ fn bits(boxes: &[InstanceBox], sections: &[Section]) -> (u64, u64) {
 
 fn fate(of: &InstanceBox, sections: &[Section]) -> Fate {
     // What a rounding error of the box's size would take is kept, and what it would leave is cut.
-    let rounding = 1e-9 * (of.centre.abs() + of.half_extent).max_element();
+    let rounding = ROUNDING * (of.centre.abs() + of.half_extent).max_element();
     let mut worst = Fate::Kept;
     for section in sections {
         let [nearest, farthest] = section.span(of.centre, of.half_extent);

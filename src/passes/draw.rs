@@ -1,9 +1,9 @@
 //! draw: active vertices and the reformed index buffer of every batch in, a lit picture out.
 //!
-//! One indirect draw per batch, or ranges of it where sections cut some of its instances only. A vertex carries the number of its instance within the batch, so transforms and
-//! colours come from a table of [`InstanceRow`]s, and what the user has done to an instance from one of [`LookRow`]s: to
-//! hide, ghost or colour any number of instances writes words of that table and streams nothing. Depth is reversed; there
-//! is no culling by winding, because CAD data does not keep it.
+//! One indirect draw per batch, or ranges of it where sections cut some of its instances only. A vertex carries the number
+//! of its instance within the batch, so transforms and colours come from a table of [`InstanceRow`]s, and what the user has
+//! done to an instance from one of [`LookRow`]s: to hide, ghost or colour any number of instances writes words of that table
+//! and streams nothing. Depth is reversed; there is no culling by winding, because CAD data does not keep it.
 //!
 //! Sections clip by distances where the device can (`shaders/shared/clipped.wgsl`), else they cut sample by sample; they
 //! close what they cut without geometry (`shaders/shared/section.wgsl`). Where edges
@@ -20,7 +20,7 @@ use crate::gpu::target::Target;
 use pipelines::{Drawn, Kind, Pipelines};
 pub(super) use pipelines::{active_vertices, depth_state};
 pub use row::{InstanceRow, Look, LookRow};
-pub use uniform::{Edges, FrameUniform, MOST_PLANES, MOST_SECTIONS, Mode, Section, Style};
+pub use uniform::{Edges, FrameUniform, MOST_PLANES, MOST_SECTIONS, Mode, ROUNDING, Section, Style};
 
 /// What a surface and the background look like, whoever places the corners: the first piece of [`SHADER`].
 pub const SURFACE: &str = include_str!("../../shaders/shared/surface.wgsl");
@@ -165,8 +165,9 @@ impl DrawPass {
 
     /// Sets what the next submission sees as the frame; returns the bytes that are sent.
     pub fn write_frame(&self, queue: &wgpu::Queue, frame: &FrameUniform) -> u64 {
-        queue.write_buffer(&self.frame, 0, frame.bytes_used());
-        frame.bytes_used().len() as u64
+        let bytes = frame.bytes_used();
+        queue.write_buffer(&self.frame, 0, bytes);
+        bytes.len() as u64
     }
 
     /// Makes the pipelines that a frame needs, if they are not there.

@@ -99,9 +99,7 @@ impl Wishes {
     /// whether one that is wanted again has no wish.
     pub fn leave_out(&mut self, instances: Vec<u64>) -> bool {
         let before = std::mem::replace(&mut self.left_out, instances);
-        let is_out =
-            |words: &[u64], i: usize| words.get(i / 64).is_some_and(|word| word >> (i % 64) & 1 != 0);
-        let lacks = |i: usize| is_out(&before, i) && !is_out(&self.left_out, i) && self.wishes[i] == 0;
+        let lacks = |i: usize| has_bit(&before, i) && !has_bit(&self.left_out, i) && self.wishes[i] == 0;
         !before.is_empty() && (0..self.wishes.len()).any(lacks)
     }
 
@@ -129,7 +127,7 @@ impl Wishes {
         let candidates = match self.left_out.as_slice() {
             [] => culled,
             left_out => {
-                let is_wanted = |&i: &u32| left_out[i as usize / 64] >> (i % 64) & 1 == 0;
+                let is_wanted = |&i: &u32| !has_bit(left_out, i as usize);
                 kept = culled.iter().copied().filter(is_wanted).collect();
                 &kept
             }
@@ -208,6 +206,11 @@ pub fn select_rows(scene: &Scene) -> Vec<SelectRow> {
             select_row(&scene.parts()[instance.part as usize], bounds, scene.parent_instance(number as u32))
         })
         .collect()
+}
+
+/// Whether a bit is set of words of 64, the lowest first; none beyond them is.
+pub(crate) fn has_bit(words: &[u64], number: usize) -> bool {
+    words.get(number / 64).is_some_and(|word| word >> (number % 64) & 1 != 0)
 }
 
 /// What selection knows of a placement of a part, with its box and the instance of its parent cell.

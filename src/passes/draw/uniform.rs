@@ -40,6 +40,9 @@ pub enum Edges {
     All,
 }
 
+/// What counts as a rounding error of a box, as a share of its largest coordinate.
+pub const ROUNDING: f64 = 1e-9;
+
 /// A plane in world space that cuts off what is behind it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Section {
@@ -58,7 +61,7 @@ impl Section {
     /// Whether any of a box is cut off. What a rounding error of the box's size would take is not.
     pub fn cuts(&self, bounds: &Bounds) -> bool {
         let [nearest, _] = self.span(bounds.centre(), 0.5 * bounds.extent());
-        nearest < -1e-9 * bounds.scale()
+        nearest < -ROUNDING * bounds.scale()
     }
 
     /// The least and the greatest distance from the plane that points of a box have, given its centre and half its extent.

@@ -388,6 +388,8 @@ fn bad_files_are_said_and_the_model_stays() {
     std::fs::write(at("cut.clps"), cut).unwrap();
     desk.open(&at("cut.clps"));
     assert!(desk.says("cut.clps"));
+    desk.open(&engine());
+    assert_eq!(desk.app().messages.texts().count(), 0, "what failed has been done");
 }
 
 #[test]
@@ -424,6 +426,8 @@ fn the_picture_is_saved_or_it_is_said_why_not() {
     desk.until("it is said", |app| {
         app.messages.texts().any(|text| text.contains("picture.png") && text.contains("cannot"))
     });
+    desk.document().save_picture(good);
+    desk.until("what failed has been done", |app| !app.messages.texts().any(|text| text.contains("cannot")));
     desk.act(Action::Quit);
     assert_eq!(desk.harness.state_mut().asks(), [Ask::Quit]);
 }

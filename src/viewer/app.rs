@@ -12,7 +12,7 @@ use super::actions::{self, Action, ENTRIES, Menu};
 use super::document::{Document, Happened};
 use super::layout::Layout;
 use super::loader::Loader;
-use super::messages::Messages;
+use super::messages::{Attempt, Messages};
 use super::painter::Wake;
 use super::panels::palette::{self, Palette};
 use super::panels::paths::{self, PathDialog, Want};
@@ -72,7 +72,7 @@ impl App {
         let may_save = loaded.is_ok();
         let is_first_start = !store.has_settings();
         let settings = loaded.unwrap_or_else(|error| {
-            messages.fail(error.to_string());
+            messages.fail(Attempt::Other, error.to_string());
             Settings::default()
         });
         Self {
@@ -143,8 +143,9 @@ impl App {
         let loaded = match finished {
             Ok(Some(loaded)) => loaded,
             Ok(None) => return self.messages.say("Stopped. What was done is kept and goes on next time."),
-            Err(why) => return self.messages.fail(why),
+            Err(why) => return self.messages.fail(Attempt::Open, why),
         };
+        self.messages.done(Attempt::Open);
         let Some(gpu) = &self.gpu else { return };
         self.settings.opened(&loaded.file);
         // The old one's memory goes before the new one takes some.
@@ -158,7 +159,8 @@ impl App {
     fn take(&mut self, event: Happened) {
         match event {
             Happened::Said(text) => self.messages.say(text),
-            Happened::Failed(why) => self.messages.fail(why),
+            Happened::Saved(saved) => self.say_saved(saved),
+            Happened::Failed(why) => self.messages.fail(Attempt::Other, why),
             Happened::DeviceLost(why) => {
                 self.messages.say(format!("The graphics device was lost ({why}); everything was made anew."));
                 self.asks.push(Ask::NewDevice);
@@ -177,7 +179,7 @@ impl App {
         if self.settings != self.saved && self.may_save {
             self.saved = self.settings.clone();
             if let Err(error) = self.store.save(&self.settings) {
-                self.messages.fail(error.to_string());
+                self.messages.fail(Attempt::Other, error.to_string());
             }
         }
     }
@@ -305,10 +307,10 @@ impl App {
             self.ask_for_file(want);
         }
         if let Some(why) = self.layout.route.failure() {
-            self.messages.fail(why);
+            self.messages.fail(Attempt::Other, why);
         }
         asked.said.into_iter().for_each(|text| self.messages.say(text));
-        asked.failed.into_iter().for_each(|text| self.messages.fail(text));
+        asked.failed.into_iter().for_each(|text| self.messages.fail(Attempt::Other, text));
     }
 
     /// Dialogs and messages over everything else.
@@ -362,17 +364,25 @@ impl App {
             (Want::SavePicture, Some(document)) => document.save_picture(path),
             (Want::SaveTurntablePictures, Some(document)) => document.save_turntable(&self.settings, &path),
             (Want::SaveTurntable | Want::SavePath, Some(document)) => {
-                match self.layout.route.save(document, want, &path) {
-                    Ok(()) => self.messages.say(format!("Saved {}", path.display())),
-                    Err(why) => self.messages.fail(why),
-                }
+                let saved = self.layout.route.save(document, want, &path);
+                self.say_saved(saved.map(|()| path));
             }
-            (Want::LoadPath, Some(_)) => {
-                if let Err(why) = self.layout.route.load(&path) {
-                    self.messages.fail(why);
-                }
-            }
+            (Want::LoadPath, Some(_)) => match self.layout.route.load(&path) {
+                Ok(()) => self.messages.done(Attempt::Open),
+                Err(why) => self.messages.fail(Attempt::Open, why),
+            },
             (_, None) => {}
+        }
+    }
+
+    /// Says that something was written to a file, or why it was not.
+    pub fn say_saved(&mut self, saved: Result<PathBuf, String>) {
+        match saved {
+            Ok(path) => {
+                self.messages.done(Attempt::Save);
+                self.messages.say(format!("Saved {}", path.display()));
+            }
+            Err(why) => self.messages.fail(Attempt::Save, why),
         }
     }
 

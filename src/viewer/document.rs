@@ -32,6 +32,8 @@ use crate::scene::{Bounds, Camera, Scene, turntable};
 pub enum Happened {
     /// To be said to the user.
     Said(String),
+    /// A picture was written to this path, or why it was not.
+    Saved(Result<PathBuf, String>),
     /// Something went wrong, to be said until the user has seen it.
     Failed(String),
     /// The device was lost: make another one and call [`Document::restart`].
@@ -254,8 +256,9 @@ impl Document {
 
     fn done(&mut self, done: Done) -> Option<Happened> {
         match done {
-            Done::Saved(path) => Some(Happened::Said(format!("Saved {}", path.display()))),
-            Done::NotSaved(why) | Done::NotMeasured(why) => Some(Happened::Failed(why)),
+            Done::Saved(path) => Some(Happened::Saved(Ok(path))),
+            Done::NotSaved(why) => Some(Happened::Saved(Err(why))),
+            Done::NotMeasured(why) => Some(Happened::Failed(why)),
             Done::Pictures(made) => Some(Happened::Said(said_of_pictures(&made))),
             Done::Measured(measured) => measured.map(Happened::Measured),
             Done::Picked { purpose: Purpose::Cut, found: Some(pick), normal, .. } => {

@@ -1,4 +1,5 @@
-//! What the viewer says to the user: news that goes by itself, and failures that stay until they were seen.
+//! What the viewer says to the user: news that goes by itself, and failures that stay until they were seen or what failed
+//! has been done after all.
 
 use egui::{Align2, Area, Color32, Frame, Id, RichText, Stroke};
 
@@ -7,10 +8,22 @@ const NEWS_SECONDS: f64 = 5.0;
 /// No more than these are shown at once.
 const MOST: usize = 6;
 
+/// What a failure was in the way of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Attempt {
+    /// Opening a model.
+    Open,
+    /// Writing a picture or a path.
+    Save,
+    /// Something that is not asked for again.
+    Other,
+}
+
 #[derive(Debug, Clone, PartialEq)]
 struct Message {
     text: String,
-    is_failure: bool,
+    /// What did not come about; `None` in news.
+    failed: Option<Attempt>,
     /// The interface's time at which it was first shown.
     shown_at: Option<f64>,
 }
@@ -22,20 +35,25 @@ pub struct Messages(Vec<Message>);
 impl Messages {
     /// Says something.
     pub fn say(&mut self, text: impl Into<String>) {
-        self.add(text.into(), false);
+        self.add(text.into(), None);
     }
 
     /// Says that something went wrong, and what to do.
-    pub fn fail(&mut self, text: impl Into<String>) {
-        self.add(text.into(), true);
+    pub fn fail(&mut self, attempt: Attempt, text: impl Into<String>) {
+        self.add(text.into(), Some(attempt));
     }
 
-    fn add(&mut self, text: String, is_failure: bool) {
+    /// What was attempted has succeeded: what is said of earlier failures of it goes.
+    pub fn done(&mut self, attempt: Attempt) {
+        self.0.retain(|message| message.failed != Some(attempt));
+    }
+
+    fn add(&mut self, text: String, failed: Option<Attempt>) {
         self.0.retain(|message| message.text != text);
         if self.0.len() == MOST {
             self.0.remove(0);
         }
-        self.0.push(Message { text, is_failure, shown_at: None });
+        self.0.push(Message { text, failed, shown_at: None });
     }
 
     /// What is being said, the oldest first.
@@ -50,7 +68,7 @@ impl Messages {
         }
         let now = context.input(|input| input.time);
         self.0.retain(|message| {
-            message.is_failure || message.shown_at.is_none_or(|since| now - since < NEWS_SECONDS)
+            message.failed.is_some() || message.shown_at.is_none_or(|since| now - since < NEWS_SECONDS)
         });
         let mut seen = None;
         Area::new(Id::unique("messages")).anchor(Align2::CENTER_BOTTOM, [0.0, -36.0]).show(context, |ui| {
@@ -64,7 +82,7 @@ impl Messages {
         if let Some(number) = seen {
             self.0.remove(number);
         }
-        if self.0.iter().any(|message| !message.is_failure) {
+        if self.0.iter().any(|message| message.failed.is_none()) {
             context.request_repaint_after(std::time::Duration::from_millis(500));
         }
     }
@@ -72,18 +90,38 @@ impl Messages {
 
 /// One message; says whether it was clicked away.
 fn row(ui: &mut egui::Ui, message: &Message) -> bool {
-    let colour =
-        if message.is_failure { Color32::from_rgb(200, 60, 50) } else { Color32::from_rgb(60, 120, 190) };
+    let colour = if message.failed.is_some() {
+        Color32::from_rgb(200, 60, 50)
+    } else {
+        Color32::from_rgb(60, 120, 190)
+    };
     let frame = Frame::popup(ui.style()).stroke(Stroke::new(1.5, colour));
     frame
         .show(ui, |ui| {
             ui.set_max_width(560.0);
             ui.horizontal_wrapped(|ui| {
-                ui.label(RichText::new(if message.is_failure { "⚠" } else { "ℹ" }).color(colour));
+                ui.label(RichText::new(if message.failed.is_some() { "⚠" } else { "ℹ" }).color(colour));
                 ui.label(&message.text);
                 ui.small_button("✖").on_hover_text("Seen").clicked()
             })
             .inner
         })
         .inner
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failure_is_said_until_what_failed_is_done() {
+        let mut messages = Messages::default();
+        messages.fail(Attempt::Open, "cannot open a");
+        messages.fail(Attempt::Save, "cannot write b");
+        messages.fail(Attempt::Other, "cannot read the settings");
+        messages.say("Saved c");
+        messages.done(Attempt::Open);
+        let said: Vec<_> = messages.texts().collect();
+        assert_eq!(said, ["cannot write b", "cannot read the settings", "Saved c"]);
+    }
 }

@@ -1,6 +1,6 @@
 //! The window: the system's events in, the app's layouts shown, what it asks for done.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -293,10 +293,8 @@ impl Shell {
             // Minimised: what egui changed in its textures is still taken.
             return shown.screen.take_textures(layout);
         }
-        match shown.screen.show(layout, save_as.as_deref())? {
-            Some(Ok(())) => self.app.messages.say(format!("Saved {}", display(save_as.as_deref()))),
-            Some(Err(why)) => self.app.messages.fail(why),
-            None => {}
+        if let Some(saved) = shown.screen.show(layout, save_as.as_deref())? {
+            self.app.say_saved(saved.map(|()| save_as.unwrap_or_default()));
         }
         Ok(())
     }
@@ -365,8 +363,4 @@ fn fresh_context(old: &egui::Context) -> egui::Context {
     let memory = old.memory(Clone::clone);
     context.memory_mut(|new| *new = memory);
     context
-}
-
-fn display(path: Option<&Path>) -> String {
-    path.map(|path| path.display().to_string()).unwrap_or_default()
 }

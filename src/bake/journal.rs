@@ -217,6 +217,7 @@ fn fill<T: Pod>(reader: &mut impl Read, rows: &mut [T]) -> io::Result<bool> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::welded::Welded;
     use super::*;
 
     const ABOUT: About = About { fingerprint: 7, bodies: 10 };
@@ -224,7 +225,10 @@ mod tests {
     fn rows(seed: u64) -> BodyRows {
         let part = PartRow { tier_count: 2, vertices: seed as u32, ..PartRow::default() };
         BodyRows {
-            meshes: vec![MeshRow { cells: 1, source_triangles: seed, ..MeshRow::default() }],
+            meshes: vec![MeshRow {
+                cells: 1,
+                welded: Welded { source_triangles: seed, ..Welded::default() },
+            }],
             parts: vec![part],
             chunks: vec![ChunkRow { bytes: 5, ..ChunkRow::default() }; 2],
         }

@@ -6,44 +6,17 @@ use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 
+use super::welded::Welded;
 use crate::container::{ChunkRow, ContainerError, EncodedPart, Form, PartRow};
-use crate::geometry::body::{BodyOutcome, WeldCounts};
+use crate::geometry::body::BodyOutcome;
 
 /// What the weld of a mesh (or of the merged meshes of a body) found, and how many cells it became.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Pod, Zeroable)]
 pub(crate) struct MeshRow {
-    pub source_triangles: u64,
-    pub source_vertices: u64,
-    /// Vertices on open edges, by the file's own indices.
-    pub open_in_file: u64,
-    pub positions: u64,
-    pub moved: u64,
-    pub degenerate: u64,
-    pub duplicate: u64,
-    pub open_positions: u64,
-    pub non_manifold_edges: u64,
-    pub shared: u64,
+    pub welded: Welded,
     /// Its parts of the container; 0 if no triangle had an area.
     pub cells: u64,
-}
-
-impl MeshRow {
-    fn new(counts: &WeldCounts, open_in_file: usize, cells: usize) -> Self {
-        Self {
-            source_triangles: counts.source_triangles as u64,
-            source_vertices: counts.source_vertices as u64,
-            open_in_file: open_in_file as u64,
-            positions: counts.positions as u64,
-            moved: counts.moved as u64,
-            degenerate: counts.degenerate as u64,
-            duplicate: counts.duplicate as u64,
-            open_positions: counts.edges.open_positions as u64,
-            non_manifold_edges: counts.edges.non_manifold_edges as u64,
-            shared: counts.shared as u64,
-            cells: cells as u64,
-        }
-    }
 }
 
 /// The rows of one body.
@@ -57,7 +30,8 @@ pub(crate) struct BodyRows {
 }
 
 impl BodyRows {
-    /// Encodes a body, its chunks in a form if they have it; gives its rows, whose chunks lie one after another in the bytes beside them, part by part.
+    /// Encodes a body, its chunks in a form if they have it; gives its rows, whose chunks lie one after another in the bytes
+    /// beside them, part by part.
     ///
     /// # Errors
     /// A part that no container can hold.
@@ -68,7 +42,10 @@ impl BodyRows {
     ) -> Result<(Self, Vec<Vec<u8>>), ContainerError> {
         let cells_of = |mesh| outcome.mesh_of.iter().filter(|&&other| other == mesh).count();
         let welds = outcome.welds.iter().zip(open_in_file).enumerate();
-        let meshes = welds.map(|(mesh, (counts, open))| MeshRow::new(counts, *open, cells_of(mesh)));
+        let meshes = welds.map(|(mesh, (counts, &open))| MeshRow {
+            welded: Welded::new(counts, open),
+            cells: cells_of(mesh) as u64,
+        });
         let mut rows = Self { meshes: meshes.collect(), ..Self::default() };
         let mut bytes = Vec::with_capacity(outcome.cells.len());
         for (cell, &mesh) in outcome.cells.iter().zip(&outcome.mesh_of) {

@@ -15,6 +15,7 @@ mod part_report;
 mod placing;
 mod report;
 pub mod source;
+mod welded;
 mod work;
 
 use std::path::{Path, PathBuf};
@@ -36,6 +37,7 @@ pub use bodies::{Body, MaterialRuns, Placement, bodies, merged};
 pub use part_report::PartReport;
 pub use report::{BakeReport, StalledPart, WholeReport};
 pub use source::{Loaded, MeshOutline, MeshSource, Outline};
+pub use welded::Welded;
 
 use file_boundary::open_vertices;
 use gate::Gate;
@@ -409,7 +411,7 @@ impl Baking<'_> {
         let counts = placing.counts(ledger.part_count());
         let mut report = BakeReport::new(outline, self.bodies, &ledger, &counts, self.options.list_parts);
         if ledger.part_count() == 0 {
-            let triangles = report.source_triangles as usize;
+            let triangles = report.welded.source_triangles as usize;
             return Err(BakeError::NothingLeft { triangles, path: output.to_owned() });
         }
         self.progress.bytes_total.store(ledger.payload_bytes(), Ordering::Relaxed);

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::ledger::MeshRow;
+use super::welded::Welded;
 use crate::container::{ChunkRow, PartRow};
 use crate::geometry::record::{ERROR_SAMPLES, Stall, decode_error};
 
@@ -21,26 +21,9 @@ pub struct PartReport {
     pub triangles: u64,
     /// Its vertices.
     pub vertices: u64,
-    /// Triangles in the file.
-    pub source_triangles: u64,
-    /// Vertices in the file.
-    pub source_vertices: u64,
-    /// Vertices on edges of one triangle, by the file's own indices.
-    pub source_open_vertices: u64,
-    /// Positions after the weld.
-    pub welded_positions: u64,
-    /// Positions that moved onto another one within the weld tolerance.
-    pub moved_positions: u64,
-    /// Triangles dropped because two corners share a position.
-    pub degenerate_triangles: u64,
-    /// Triangles dropped because they repeat another.
-    pub duplicate_triangles: u64,
-    /// Positions on open edges after the weld.
-    pub open_positions: u64,
-    /// Positions on borders to other meshes of the body, which are locked.
-    pub shared_positions: u64,
-    /// Edges of more than two triangles after the weld.
-    pub non_manifold_edges: u64,
+    /// What was read of it, and what its weld found.
+    #[serde(flatten)]
+    pub welded: Welded,
     /// Vertices of its coarsest state.
     pub locked_vertices: u64,
     /// Triangles of its coarsest state.
@@ -62,7 +45,7 @@ impl PartReport {
         instances: u64,
         cells: &[PartRow],
         chunks: impl Iterator<Item = &'a ChunkRow>,
-        weld: &MeshRow,
+        welded: Welded,
     ) -> Self {
         let leaves = || cells.iter().filter(|cell| !cell.is_parent());
         let roots = || cells.iter().filter(|cell| cell.is_root());
@@ -78,17 +61,8 @@ impl PartReport {
             coarsest_error: roots().map(last_error).fold(0.0, f64::max),
             stall: roots().map(PartRow::stall).find(|&stall| stall != Stall::None).map(Stall::describe),
             tiers: cells.iter().map(|cell| u64::from(cell.tier_count)).max().unwrap_or(0),
+            welded,
             payload_bytes: chunks.map(|chunk| u64::from(chunk.bytes)).sum(),
-            source_triangles: weld.source_triangles,
-            source_vertices: weld.source_vertices,
-            source_open_vertices: weld.open_in_file,
-            welded_positions: weld.positions,
-            moved_positions: weld.moved,
-            degenerate_triangles: weld.degenerate,
-            duplicate_triangles: weld.duplicate,
-            open_positions: weld.open_positions,
-            shared_positions: weld.shared,
-            non_manifold_edges: weld.non_manifold_edges,
         }
     }
 }

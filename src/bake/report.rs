@@ -3,10 +3,11 @@
 use serde::Serialize;
 
 use super::bodies::Body;
-use super::ledger::{Ledger, MeshRow};
+use super::ledger::Ledger;
 use super::named_parts;
 use super::part_report::PartReport;
 use super::source::Outline;
+use super::welded::Welded;
 use crate::container::Written;
 
 /// What was read, what became of it, and what it cost.
@@ -30,26 +31,9 @@ pub struct BakeReport {
     pub coarsest_triangles: u64,
     /// Size of the container.
     pub file_bytes: u64,
-    /// Triangles in the input files.
-    pub source_triangles: u64,
-    /// Vertices in the input files.
-    pub source_vertices: u64,
-    /// Vertices on edges of one triangle, by the files' own indices.
-    pub source_open_vertices: u64,
-    /// Positions after the weld.
-    pub welded_positions: u64,
-    /// Positions on open edges that moved onto another one within the weld tolerance.
-    pub moved_positions: u64,
-    /// Triangles dropped because two corners share a position.
-    pub degenerate_triangles: u64,
-    /// Triangles dropped because they repeat another.
-    pub duplicate_triangles: u64,
-    /// Positions on open edges after the weld.
-    pub open_positions: u64,
-    /// Positions on borders between meshes of one body, which differ in material.
-    pub shared_positions: u64,
-    /// Edges of more than two triangles after the weld.
-    pub non_manifold_edges: u64,
+    /// What was read, and what the welds found.
+    #[serde(flatten)]
+    pub welded: Welded,
     /// Parts whose coarsest state keeps more than a tenth of their triangles.
     pub stalled_parts: Vec<StalledPart>,
     /// What was skipped or mended while reading.
@@ -111,12 +95,13 @@ impl BakeReport {
         let (starts, mut first) = (ledger.chunk_starts(), 0);
         let mut named = named_parts(outline, bodies, ledger);
         for row in (0..bodies.len()).flat_map(|body| ledger.meshes(body)) {
-            report.count_mesh(row);
+            // A weld may have left no part.
+            report.welded += row.welded;
             let Some((name, cells)) = (row.cells > 0).then(|| named.next()).flatten() else { continue };
             let chunks =
                 starts[first..].iter().zip(cells).flat_map(|(&start, cell)| ledger.chunks(start, cell));
             // The first cell of a part stands for all.
-            let part = PartReport::new(name, placed[first].into(), cells, chunks, row);
+            let part = PartReport::new(name, placed[first].into(), cells, chunks, row.welded);
             first += cells.len();
             report.count_part(&part);
             if list_parts {
@@ -124,20 +109,6 @@ impl BakeReport {
             }
         }
         report
-    }
-
-    /// Adds what the weld of a mesh found, which may have left no part.
-    fn count_mesh(&mut self, row: &MeshRow) {
-        self.source_triangles += row.source_triangles;
-        self.source_vertices += row.source_vertices;
-        self.source_open_vertices += row.open_in_file;
-        self.welded_positions += row.positions;
-        self.moved_positions += row.moved;
-        self.degenerate_triangles += row.degenerate;
-        self.duplicate_triangles += row.duplicate;
-        self.open_positions += row.open_positions;
-        self.shared_positions += row.shared;
-        self.non_manifold_edges += row.non_manifold_edges;
     }
 
     fn count_part(&mut self, part: &PartReport) {
@@ -161,7 +132,7 @@ impl BakeReport {
     pub(super) fn finish(&mut self, written: &Written, seconds: [f64; 3]) {
         self.file_bytes = written.file_bytes;
         [self.order_seconds, self.write_seconds, self.seconds] = seconds;
-        self.triangles_per_second = self.source_triangles as f64 / self.seconds.max(1e-9);
+        self.triangles_per_second = self.welded.source_triangles as f64 / self.seconds.max(1e-9);
         self.bytes_per_triangle = self.file_bytes as f64 / self.triangles.max(1) as f64;
         self.peak_rss_bytes = crate::stats::memory::peak_resident_bytes();
     }
@@ -171,7 +142,7 @@ impl BakeReport {
         self.rss_before_bytes = rss_before_bytes;
         self.import_seconds = seconds;
         self.seconds += seconds;
-        self.triangles_per_second = self.source_triangles as f64 / self.seconds.max(1e-9);
+        self.triangles_per_second = self.welded.source_triangles as f64 / self.seconds.max(1e-9);
     }
 }
 

@@ -197,8 +197,11 @@ fn is_there(rows: &BodyRows, rounds: &[u64]) -> bool {
     })
 }
 
+/// Counts the layouts that the rows of a journal have had: what a build keeps is of no use to one with another layout.
+const ROWS: u32 = 2;
+
 /// What every journal of a bake of this model with these options begins with.
 pub(super) fn about(bodies: usize, fingerprint: u64, options: &str) -> About {
-    let text = format!("{} {fingerprint:016x} {options}", env!("CARGO_PKG_VERSION"));
+    let text = format!("{} {ROWS} {fingerprint:016x} {options}", env!("CARGO_PKG_VERSION"));
     About { fingerprint: format::checksum(text.as_bytes()), bodies: bodies as u64 }
 }

@@ -224,7 +224,7 @@ pub fn describe(report: &BakeReport, output: &Path) -> String {
 
 /// What was read and what became of it.
 fn found_lines(report: &BakeReport) -> Vec<String> {
-    let count = human::count;
+    let (count, welded) = (human::count, &report.welded);
     vec![
         format!(
             "parts        {} ({} cells), placed {} times",
@@ -236,21 +236,21 @@ fn found_lines(report: &BakeReport) -> Vec<String> {
             "triangles    {} ({} placed); {} degenerate and {} repeated ones dropped",
             count(report.triangles),
             count(report.triangles_placed),
-            count(report.degenerate_triangles),
-            count(report.duplicate_triangles)
+            count(welded.degenerate_triangles),
+            count(welded.duplicate_triangles)
         ),
         format!(
             "vertices     {} from {} in the files, welded to {} positions ({} moved)",
             count(report.vertices),
-            count(report.source_vertices),
-            count(report.welded_positions),
-            count(report.moved_positions)
+            count(welded.source_vertices),
+            count(welded.welded_positions),
+            count(welded.moved_positions)
         ),
         format!(
             "boundary     {:.1} % of the vertices in the files, {:.1} % of the positions; {} edges are non-manifold",
-            percent(report.source_open_vertices, report.source_vertices),
-            percent(report.open_positions, report.welded_positions),
-            count(report.non_manifold_edges)
+            percent(welded.source_open_vertices, welded.source_vertices),
+            percent(welded.open_positions, welded.welded_positions),
+            count(welded.non_manifold_edges)
         ),
         format!(
             "coarsest     {} triangles, {:.2} % of all",
@@ -271,7 +271,7 @@ fn cost_lines(report: &BakeReport) -> Vec<String> {
     )];
     lines.extend(report.peak_rss_bytes.zip(report.rss_before_bytes).map(|(peak, before)| {
         let own = peak.saturating_sub(before);
-        let each = own as f64 / report.source_triangles.max(1) as f64;
+        let each = own as f64 / report.welded.source_triangles.max(1) as f64;
         let [peak, own] = [peak, own].map(human::bytes);
         format!("memory       {peak} at most, {own} of it for the bake ({each:.0} bytes/triangle read)")
     }));

@@ -1,12 +1,10 @@
 //! `collapsar bake`: models in, a container out.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use clap::Args;
 use collapsar::bake::{BakeError, BakeOptions, BakeProgress, BakeReport, bake};
-use collapsar::container::MAGIC;
 use collapsar::geometry::Boundary;
 use collapsar::geometry::body::OrderOptions;
 use collapsar::geometry::normals::CREASE_DEGREES;
@@ -14,6 +12,7 @@ use collapsar::geometry::record::Stall;
 use collapsar::stats::report::human;
 use indicatif::ProgressBar;
 
+use super::output::Kind;
 use super::progress::{style, watched};
 use super::{Failure, output, values};
 
@@ -91,7 +90,7 @@ pub fn run(arguments: &BakeArguments) -> Result<(), Failure> {
         list_parts: arguments.report.is_some(),
         compress: arguments.compress,
     };
-    check_output("container", MAGIC.as_slice(), &arguments.inputs, &arguments.output)?;
+    output::check_kind(Kind::Container, &arguments.inputs, &arguments.output)?;
     if let Some(path) = &arguments.report {
         check_report(path, arguments)?;
     }
@@ -105,9 +104,6 @@ pub fn run(arguments: &BakeArguments) -> Result<(), Failure> {
     output::print_text(&describe(&report, &arguments.output))
 }
 
-/// How every report starts.
-const REPORT_START: &[u8] = b"{\n  \"parts\": ";
-
 /// That the report can be written, and replaces nothing but an older report.
 fn check_report(path: &Path, arguments: &BakeArguments) -> Result<(), Failure> {
     output::check_file(path)?;
@@ -117,36 +113,13 @@ fn check_report(path: &Path, arguments: &BakeArguments) -> Result<(), Failure> {
             "the report would replace the container; choose another file: {path}"
         )));
     }
-    check_output("report", REPORT_START, &arguments.inputs, path)
+    output::check_kind(Kind::BakeReport, &arguments.inputs, path)
 }
 
 /// Where a file is or would be: its folder without links and its name, or all of it without links if it exists.
 fn place_of(path: &Path) -> Option<PathBuf> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     path.canonicalize().ok().or_else(|| Some(folder.canonicalize().ok()?.join(path.file_name()?)))
-}
-
-/// That a slip of the keyboard does not replace a model, or a file that belongs to one, by something of ours, which
-/// starts with `magic`.
-pub fn check_output(what: &str, magic: &[u8], inputs: &[PathBuf], output: &Path) -> Result<(), Failure> {
-    let Ok(existing) = output.canonicalize() else { return Ok(()) };
-    if let Some(input) = inputs.iter().find(|i| i.canonicalize().is_ok_and(|input| input == existing)) {
-        let input = input.display();
-        return Err(Failure::Argument(format!(
-            "the {what} would replace this input; choose another output: {input}"
-        )));
-    }
-    let mut start = Vec::new();
-    let read =
-        std::fs::File::open(&existing).and_then(|file| file.take(magic.len() as u64).read_to_end(&mut start));
-    // What cannot be read is the writer's to refuse; an empty file is nobody's model.
-    if existing.is_file() && read.is_ok() && !start.is_empty() && start != magic {
-        return Err(Failure::Argument(format!(
-            "the {what} would replace a file that is not a {what}; choose another output or remove it: {}",
-            output.display()
-        )));
-    }
-    Ok(())
 }
 
 /// Bakes with a progress bar on standard error and a way to stop.

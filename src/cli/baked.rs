@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use collapsar::bake::BakeOptions;
 use collapsar::bake::beside::{Beside, beside};
-use collapsar::container::MAGIC;
 
-use super::{Failure, bake};
+use super::output::Kind;
+use super::{Failure, bake, output};
 
 /// The container of a file; a model is baked beside itself.
 pub fn container_of(file: &Path) -> Result<PathBuf, Failure> {
@@ -20,7 +20,7 @@ pub fn container_of(file: &Path) -> Result<PathBuf, Failure> {
         Beside::ToBake(container) => container,
     };
     let inputs = [file.to_owned()];
-    bake::check_output("container", MAGIC.as_slice(), &inputs, &container)?;
+    output::check_kind(Kind::Container, &inputs, &container)?;
     bake::bake_with_progress(&inputs, &container, &BakeOptions::default())?;
     Ok(container)
 }

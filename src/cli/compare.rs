@@ -97,10 +97,9 @@ type Drawer = fn(&Comparison, &str) -> Result<Vec<u8>, PlotError>;
 
 /// Picks the format by extension, and says early what would stop the writing late.
 fn drawer(path: &Path) -> Result<Drawer, Failure> {
-    let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
-    let drawer: Drawer = match extension.as_deref() {
-        Some("svg") => plot::svg,
-        Some("png") => plot::png,
+    let drawer: Drawer = match output::extension(path).as_str() {
+        "svg" => plot::svg,
+        "png" => plot::png,
         _ => return Err(Failure::Argument(format!("the plot must end in .svg or .png: {}", path.display()))),
     };
     output::check_file(path)?;

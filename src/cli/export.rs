@@ -8,6 +8,7 @@ use collapsar::scene::SceneError;
 use collapsar::scene::mapped::MappedFile;
 use collapsar::stats::report::human;
 
+use super::output::Kind;
 use super::{Failure, output, values};
 
 /// Arguments of `export`.
@@ -38,12 +39,14 @@ pub struct ExportArguments {
     output: PathBuf,
 }
 
+/// What makes the bytes of a mesh.
+type Writer = fn(&Mesh, &mut dyn std::io::Write) -> std::io::Result<()>;
+
 /// Runs `export`.
 pub fn run(arguments: &ExportArguments) -> Result<(), Failure> {
-    let extension = arguments.output.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
-    let write: fn(&Mesh, &mut dyn std::io::Write) -> std::io::Result<()> = match extension.as_deref() {
-        Some("obj") => |mesh, out| mesh.write_obj(out),
-        Some("glb") => |mesh, out| mesh.write_glb(out),
+    let (kind, write): (Kind, Writer) = match output::extension(&arguments.output).as_str() {
+        "obj" => (Kind::Obj, |mesh, out| mesh.write_obj(out)),
+        "glb" => (Kind::Glb, |mesh, out| mesh.write_glb(out)),
         _ => {
             return Err(Failure::Argument(format!(
                 "the output must end in .obj or .glb: {}",
@@ -52,6 +55,7 @@ pub fn run(arguments: &ExportArguments) -> Result<(), Failure> {
         }
     };
     output::check_file(&arguments.output)?;
+    output::check_kind(kind, std::slice::from_ref(&arguments.file), &arguments.output)?;
     let level = match (arguments.vertices, arguments.error, arguments.ratio) {
         (Some(vertices), _, _) => Level::Vertices(vertices),
         (_, Some(error), _) => Level::Error(error),

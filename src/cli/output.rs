@@ -1,10 +1,12 @@
 //! Files that appear whole or not at all, and folders for them.
 
 use std::fmt::Display;
-use std::io::{ErrorKind, Write};
+use std::fs::File;
+use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
+use collapsar::container::MAGIC;
 use collapsar::whole_file::{self, folder_of};
 use serde::Serialize;
 
@@ -53,6 +55,78 @@ pub fn check_file(path: &Path) -> Result<(), Failure> {
         let folder = folder.display();
         Err(Failure::Argument(format!("cannot write: its folder does not exist; create it first: {folder}")))
     }
+}
+
+/// The extension of a path, in lower case; empty if it has none.
+pub fn extension(path: &Path) -> String {
+    path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_ascii_lowercase()
+}
+
+/// What is written, as far as replacing an older file goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    Container,
+    BakeReport,
+    Glb,
+    Obj,
+}
+
+/// So much of the text of a GLB file is searched for who wrote it.
+const MOST_SEARCHED: u64 = 16 << 20;
+
+impl Kind {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Container => "container",
+            Self::BakeReport => "report",
+            Self::Glb => "GLB file of collapsar",
+            Self::Obj => "OBJ file of collapsar",
+        }
+    }
+
+    /// Whether the program may have written this file, or nobody wrote anything.
+    fn is_own(self, file: &mut File) -> std::io::Result<bool> {
+        let starts: &[&[u8]] = match self {
+            Self::Container => &[MAGIC.as_slice()],
+            Self::BakeReport => &[b"{\n  \"parts\": "],
+            Self::Glb => &[b"glTF"],
+            Self::Obj => &[b"# written by collapsar", b"# collapsar synth"],
+        };
+        let mut start = Vec::new();
+        file.take(32).read_to_end(&mut start)?;
+        Ok(start.is_empty()
+            || starts.iter().any(|own| start.starts_with(own)) && (self != Self::Glb || is_own_glb(file)?))
+    }
+}
+
+/// Whether the text of a GLB file, behind its start, names the program.
+fn is_own_glb(file: &mut File) -> std::io::Result<bool> {
+    let mut text = Vec::new();
+    file.take(MOST_SEARCHED).read_to_end(&mut text)?;
+    let own = br#""generator":"collapsar"#;
+    Ok(text.windows(own.len()).any(|words| words == own))
+}
+
+/// That a slip of the keyboard does not replace a model, or a file that belongs to one, by something of ours.
+pub fn check_kind(kind: Kind, inputs: &[PathBuf], output: &Path) -> Result<(), Failure> {
+    let Ok(existing) = output.canonicalize() else { return Ok(()) };
+    let what = kind.name();
+    if let Some(input) = inputs.iter().find(|i| i.canonicalize().is_ok_and(|input| input == existing)) {
+        let input = input.display();
+        return Err(Failure::Argument(format!(
+            "the {what} would replace this input; choose another output: {input}"
+        )));
+    }
+    // What cannot be read is the writer's to refuse.
+    let is_own = !existing.is_file()
+        || File::open(&existing).and_then(|mut file| kind.is_own(&mut file)).unwrap_or(true);
+    if !is_own {
+        return Err(Failure::Argument(format!(
+            "the {what} would replace a file that is not a {what}; choose another output or remove it: {}",
+            output.display()
+        )));
+    }
+    Ok(())
 }
 
 /// Writes a file through a temporary one beside it, so that it is never half there; Ctrl-C stops it.

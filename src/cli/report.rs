@@ -30,9 +30,8 @@ pub struct ReportArguments {
 /// Runs `report`.
 pub fn run(arguments: &ReportArguments) -> Result<(), Failure> {
     let path = &arguments.output;
-    let extension = path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase);
     // So that no slip replaces a model or the numbers of a flight.
-    if !matches!(extension.as_deref(), Some("html" | "htm")) {
+    if !matches!(output::extension(path).as_str(), "html" | "htm") {
         return Err(Failure::Argument(format!("the page must end in .html: {}", path.display())));
     }
     output::check_file(path)?;

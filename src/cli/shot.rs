@@ -142,6 +142,11 @@ const MOST_FRAMES: u32 = 400;
 
 /// Runs `shot`.
 pub fn run(arguments: &ShotArguments) -> Result<(), Failure> {
+    // So that no slip replaces a model.
+    if output::extension(&arguments.output) != "png" {
+        let path = arguments.output.display();
+        return Err(Failure::Argument(format!("the picture must end in .png: {path}")));
+    }
     output::check_file(&arguments.path_of(0))?;
     let container = baked::container_of(&arguments.file)?;
     let scene = Arc::new(Scene::open(&container)?);

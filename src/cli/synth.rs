@@ -7,14 +7,14 @@ use std::time::Instant;
 
 use clap::Args;
 use collapsar::bake::{BakeError, BakeOptions, bake_source};
-use collapsar::container::MAGIC;
 use collapsar::stats::memory::peak_resident_bytes;
 use collapsar::stats::report::human;
 use collapsar::synth::glb::{Glb, GlbError};
 use collapsar::synth::{Layout, Plan, SynthOptions, SynthReport, Synthetic, obj};
 use indicatif::ProgressBar;
 
-use super::bake::{check_output, watched_bake};
+use super::bake::watched_bake;
+use super::output::Kind;
 use super::progress::style;
 use super::{Failure, interrupt, output, values};
 
@@ -99,11 +99,12 @@ pub fn run(arguments: &SynthArguments) -> Result<(), Failure> {
     let format = format(arguments)?;
     let plan = Plan::new(&options(arguments))
         .map_err(|error| Failure::Argument(format!("cannot make this model: {error}")))?;
-    match format {
-        Format::Clps => check_output("container", MAGIC.as_slice(), &[], path)?,
-        Format::Glb => check_output("GLB file", b"glTF", &[], path)?,
-        Format::Obj => check_output("OBJ file of `collapsar synth`", b"# collapsar synth", &[], path)?,
-    }
+    let kind = match format {
+        Format::Clps => Kind::Container,
+        Format::Glb => Kind::Glb,
+        Format::Obj => Kind::Obj,
+    };
+    output::check_kind(kind, &[], path)?;
     output::check_file(path)?;
     set_threads(arguments.threads)?;
     match format {

@@ -197,6 +197,8 @@ impl Bookmarks {
         } else {
             document.models.insert(self.model.clone(), self.list.clone());
         }
+        let failed = |cause| BookmarkError::Unwritable { cause, path: self.path.clone() };
+        std::fs::create_dir_all(folder_of(&self.path)).map_err(failed)?;
         write_json(&self.path, &document)
     }
 
@@ -271,7 +273,6 @@ fn write_json(path: &Path, value: &impl Serialize) -> Result<(), BookmarkError> 
     let failed = |cause| BookmarkError::Unwritable { cause, path: path.to_owned() };
     let mut text = serde_json::to_vec_pretty(value).map_err(|error| failed(error.into()))?;
     text.push(b'\n');
-    std::fs::create_dir_all(folder_of(path)).map_err(failed)?;
     write_whole(path, |file| file.write_all(&text)).map_err(failed)
 }
 

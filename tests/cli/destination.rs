@@ -48,6 +48,34 @@ fn an_output_that_is_a_folder_is_refused() {
 }
 
 #[test]
+fn a_model_is_not_replaced_by_what_is_made_of_it() {
+    let place = baked();
+    // A container by another name, and somebody's model.
+    std::fs::copy(place.path("square.clps"), place.path("square.glb")).unwrap();
+    std::fs::copy(crate::common::bundled("2CylinderEngine.glb"), place.path("engine.glb")).unwrap();
+    place.write("other.obj", TRIANGLE);
+    let kept = |name: &str| place.read(name);
+    let names = ["square.clps", "square.glb", "engine.glb", "other.obj"];
+    let before = names.map(kept);
+    let png = ["the picture must end in .png"];
+    place.fails(&["shot", "square.clps", "-o", "square.clps"], &png);
+    place.fails(&["shot", "engine.glb", "-o", "engine.glb"], &png);
+    place.fails(&["shot", "square.clps", "-o", "picture.jpg"], &png);
+    let export = |file, output| ["export", file, "--ratio", "1", "-o", output];
+    place.fails(&export("square.glb", "square.glb"), &["would replace this input", ": square.glb"]);
+    let foreign = ["would replace a file that is not", "choose another output or remove it"];
+    place.fails(&export("square.clps", "engine.glb"), &foreign);
+    place.fails(&export("square.clps", "other.obj"), &foreign);
+    assert!(names.map(kept) == before);
+    assert!(!place.path("engine.glb.clps").exists(), "nothing is baked for a picture that cannot be");
+    // What it wrote itself it writes again.
+    for output in ["own.glb", "own.obj"] {
+        place.run(&export("square.clps", output)).succeeded();
+        place.run(&export("square.clps", output)).succeeded();
+    }
+}
+
+#[test]
 fn a_flight_into_a_file_is_refused() {
     let place = baked();
     place.fails(&["fly", "square.clps", "--out", "square.obj"], &["is a file", ": square.obj"]);

@@ -218,10 +218,6 @@ struct CutPixel {
     @builtin(sample_mask) samples: u32,
 }
 
-fn is_seen_from_within(look: u32, front: bool) -> bool {
-    return (look & LOOK_CLOSED) != 0u && front == ((look & LOOK_INSIDE_OUT) != 0u);
-}
-
 // The samples that a ghost covers: one in four, or a pixel in four.
 fn ghost_samples(pixel: vec2<f32>) -> u32 {
     let at = vec2<u32>(pixel);
@@ -231,62 +227,23 @@ fn ghost_samples(pixel: vec2<f32>) -> u32 {
     return select(0u, 1u, ((at.x | at.y) & 1u) == 0u);
 }
 
-// What is lit at a pixel.
-struct Face {
-    colour: vec3<f32>,
-    normal: vec3<f32>,
-    // Whether a section made it.
-    is_cut: bool,
-}
-
-// A surface, or the cut face through which it is seen from within. Only in uniform control flow.
-fn face_at(corner: Corner, front: bool, to_eye: vec3<f32>) -> Face {
-    var face = Face(corner.colour, seen_normal(corner.relative, corner.normal, to_eye), false);
-    if is_seen_from_within(corner.look, front) {
-        let entry = entry_before(corner.relative);
-        if entry != NO_ENTRY {
-            face = Face(hatched(corner.colour, corner.clip.xy), -frame.sections[entry].xyz, true);
-        }
-    }
-    return face;
-}
-
-// The same, lit.
-fn capped(corner: Corner, front: bool) -> vec4<f32> {
-    let to_eye = to_eye_from(corner.relative);
-    let face = face_at(corner, front, to_eye);
-    return lit(face.colour, face.normal, to_eye);
-}
-
-// The same with lines over surfaces.
-fn edged_capped(corner: EdgedCorner, front: bool) -> vec4<f32> {
-    let cover = line_cover(corner.place, corner.lines);
-    let to_eye = to_eye_from(corner.relative);
-    let face = face_at(plain(corner), front, to_eye);
-    return lined(lit(face.colour, face.normal, to_eye), select(cover, 0.0, face.is_cut));
-}
-
 // What is cut, or a ghost.
 fn cut(shaded: vec4<f32>, kept: u32, look: u32, pixel: vec2<f32>) -> CutPixel {
     return CutPixel(shaded, select(kept, kept & ghost_samples(pixel), (look & LOOK_GHOST) != 0u));
 }
 
 @fragment
-fn cut_fragment(corner: Corner, @builtin(front_facing) front: bool) -> CutPixel {
+fn cut_fragment(corner: Corner) -> CutPixel {
     let kept = kept_samples(corner.relative);
-    return cut(capped(corner, front), kept, corner.look, corner.clip.xy);
+    return cut(shaded(corner.relative, corner.normal, corner.colour), kept, corner.look, corner.clip.xy);
 }
 
 @fragment
-fn edged_cut_fragment(corner: EdgedCorner, @builtin(front_facing) front: bool) -> CutPixel {
+fn edged_cut_fragment(corner: EdgedCorner) -> CutPixel {
     let kept = kept_samples(corner.relative);
-    return cut(edged_capped(corner, front), kept, corner.look, corner.clip.xy);
-}
-
-fn plain(corner: EdgedCorner) -> Corner {
-    return Corner(
-        corner.clip, corner.relative, corner.normal, corner.colour, corner.number, corner.look,
-    );
+    let cover = line_cover(corner.place, corner.lines);
+    let lit = lined(shaded(corner.relative, corner.normal, corner.colour), cover);
+    return cut(lit, kept, corner.look, corner.clip.xy);
 }
 
 // A box: corner `index` of the 36 of the unit cube's triangles, two a face, placed by a row.

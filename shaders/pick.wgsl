@@ -4,23 +4,15 @@
 // pixel the whole picture, so that the cost is that of the vertices and of one pixel, however large the model is.
 //
 // Writes  the number of the instance in the scene plus one, and the point relative to the eye, in world axes, as the bits
-//         of three f32. What is hidden or cut away is not there; on a cut face the point is on the section.
+//         of three f32. What is hidden or cut away is not there.
 // After   draw, of the same frame.
 
 @fragment
-fn pick_fragment(corner: Corner, @builtin(front_facing) front: bool) -> @location(0) vec4<u32> {
+fn pick_fragment(corner: Corner) -> @location(0) vec4<u32> {
     for (var i = 0u; i < frame.section_count; i += 1u) {
         if dot(frame.sections[i].xyz, corner.relative) + frame.sections[i].w < 0.0 {
             discard;
         }
     }
-    var point = corner.relative;
-    if is_seen_from_within(corner.look, front) {
-        let entry = entry_before(corner.relative);
-        if entry != NO_ENTRY {
-            let to_eye = to_eye_from(corner.relative);
-            point += to_eye * back_to(entry, corner.relative, to_eye);
-        }
-    }
-    return vec4<u32>(corner.number + 1u, bitcast<vec3<u32>>(point));
+    return vec4<u32>(corner.number + 1u, bitcast<vec3<u32>>(corner.relative));
 }

@@ -13,16 +13,17 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use collapsar::frame::{Renderer, Settings};
+use collapsar::geometry::Closure;
 use collapsar::gpu::{Gpu, GpuOptions};
 use collapsar::import::{Instance, Material, Model, Node};
 use collapsar::passes::draw::{Edges, Look, Section, Style};
 use collapsar::scene::camera::Parallel;
 use collapsar::scene::views::{self, Projection, StandardView, UpAxis};
-use collapsar::scene::{Camera, Scene};
+use collapsar::scene::{Bounds, Camera, Scene};
 use collapsar::stats::FrameRecord;
 use common::gpu;
 use common::metric::{Difference, SAME};
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 
 const SIZE: u32 = 200;
 
@@ -67,18 +68,23 @@ fn pixel_of(camera: &Camera, point: DVec3) -> [u32; 2] {
     [at(clip.x / clip.w), at(-clip.y / clip.w)]
 }
 
-/// How far a ray from the eye through the middle of a pixel goes until it meets a sphere of radius 1.
-fn on_sphere(camera: &Camera, [x, y]: [u32; 2], centre: DVec3) -> Option<DVec3> {
+/// Where the ray through the middle of a pixel starts, and its direction.
+fn ray(camera: &Camera, [x, y]: [u32; 2]) -> (DVec3, DVec3) {
     let ndc = |pixel: u32| 2.0 * (f64::from(pixel) + 0.5) / f64::from(SIZE) - 1.0;
     let half = match camera.parallel {
         Some(parallel) => 0.5 * parallel.height,
         None => (0.5 * camera.vertical_fov_radians).tan(),
     };
     let (right, up) = (camera.right() * ndc(x) * half, camera.up() * -ndc(y) * half);
-    let (start, direction) = match camera.parallel {
+    match camera.parallel {
         Some(parallel) => (camera.eye + right + up - camera.forward() * parallel.reach, camera.forward()),
         None => (camera.eye, (camera.forward() + right + up).normalize()),
-    };
+    }
+}
+
+/// How far a ray from the eye through the middle of a pixel goes until it meets a sphere of radius 1.
+fn on_sphere(camera: &Camera, at: [u32; 2], centre: DVec3) -> Option<DVec3> {
+    let (start, direction) = ray(camera, at);
     let towards = centre - start;
     let along = towards.dot(direction);
     let beside2 = towards.length_squared() - along * along;
@@ -177,7 +183,7 @@ fn sections_cut_and_close_what_they_cut_at_any_level_of_detail() {
 
 fn sections_are_closed(gpu: &Arc<Gpu>) {
     let scene = spheres(1);
-    assert_eq!(scene.parts()[0].closure(), collapsar::geometry::Closure::Closed);
+    assert_eq!(scene.parts()[0].closure(), Closure::Closed);
     let camera = front(&scene);
     let [x, y] = pixel_of(&camera, DVec3::ZERO);
     let radius = f64::from(pixel_of(&camera, DVec3::X)[0] - x);
@@ -212,6 +218,159 @@ fn sections_are_closed(gpu: &Arc<Gpu>) {
             for at in [[x, y], [x + (0.4 * radius) as u32, y], [x, y - (0.3 * radius) as u32]] {
                 let pick = renderer.pick(at).unwrap().unwrap();
                 assert!((pick.point.z - 0.01).abs() < 1e-4, "{}", pick.point);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_slab_out_of_a_part_is_closed_though_no_surface_is_left_in_it() {
+    let Some(gpu) = gpu("a_slab_out_of_a_part_is_closed_though_no_surface_is_left_in_it") else { return };
+    let in_cells = common::placed_in_a_row(&common::sphere(200, 400), 1, 3.0, DVec3::ZERO);
+    assert!(in_cells.instances().len() > 2 && in_cells.parts()[0].closure() == Closure::Closed);
+    for scene in [spheres(1), in_cells] {
+        let camera = front(&scene);
+        let [x, y] = pixel_of(&camera, DVec3::ZERO);
+        let radius = f64::from(pixel_of(&camera, DVec3::X)[0] - x);
+        let mut renderer = Renderer::new(Arc::clone(&gpu), Arc::clone(&scene), settings()).unwrap();
+        renderer.set_looks(&vec![Look::coloured([255, 0, 0, 255]); scene.instances().len()]);
+        let face =
+            |z: f64, towards: f64| Section { point: DVec3::new(0.0, 0.0, z), normal: DVec3::Z * towards };
+        let sections = vec![face(0.02, -1.0), face(-0.02, 1.0)];
+        renderer.set_style(Style { sections: sections.clone(), ..Style::default() });
+        settle(&mut renderer, &camera);
+        let picture = pixels(&renderer);
+        for place in 0..SIZE * SIZE {
+            let (dx, dy) = (f64::from(place % SIZE) - f64::from(x), f64::from(place / SIZE) - f64::from(y));
+            let is_red = picture[place as usize][0] > picture[place as usize][1];
+            let distance = dx.hypot(dy);
+            assert!(is_red || distance > 0.93 * radius, "a hole at {dx} {dy}");
+            assert!(!is_red || distance < radius + 2.0, "something at {dx} {dy}");
+        }
+        let pick = renderer.pick([x, y]).unwrap().unwrap();
+        assert!((pick.point.z - 0.02).abs() < 1e-4, "{}", pick.point);
+        // What comes after sees a plane, not the backs behind it.
+        renderer.set_style(Style { sections, depth_cue: 1.0, ..Style::default() });
+        renderer.frame(&camera).unwrap();
+        let cued = pixels(&renderer);
+        assert!(cued != picture, "an edge has a cue");
+        for (dx, dy) in (-40i32..40).flat_map(|dx| (-40i32..40).map(move |dy| (dx, dy))) {
+            let at = (y.wrapping_add_signed(dy) * SIZE + x.wrapping_add_signed(dx)) as usize;
+            assert_eq!(cued[at], picture[at], "{dx} {dy}");
+        }
+    }
+}
+
+#[test]
+fn a_section_box_shows_its_faces_where_it_lies_within_a_part() {
+    let Some(gpu) = gpu("a_section_box_shows_its_faces_where_it_lies_within_a_part") else { return };
+    let scene = spheres(1);
+    let orientation = StandardView::Iso.orientation(UpAxis::Y);
+    let perspective = Projection::Perspective(FRAC_PI_4);
+    let camera = views::fit(scene.bounds(), scene.bounds(), orientation, perspective, 1.0);
+    let mut renderer = Renderer::new(gpu, Arc::clone(&scene), settings()).unwrap();
+    renderer.set_looks(&[Look::coloured([255, 0, 0, 255])]);
+    let inner = Bounds { low: DVec3::splat(-0.4), high: DVec3::splat(0.4) };
+    renderer.set_style(Style { sections: Section::inside(&inner).to_vec(), ..Style::default() });
+    settle(&mut renderer, &camera);
+    let picture = pixels(&renderer);
+    let corners = (0..8).map(|i| {
+        let side = |bit: u32| if i >> bit & 1 == 0 { -0.4 } else { 0.4 };
+        pixel_of(&camera, DVec3::new(side(0), side(1), side(2)))
+    });
+    let all: Vec<_> = corners.collect();
+    let extent = |axis: usize| {
+        let along = all.iter().map(|corner| corner[axis]);
+        along.clone().min().unwrap() - 1..=along.max().unwrap() + 1
+    };
+    // Every ray through the box meets it where it lies within the sphere; nothing else is left.
+    for place in 0..SIZE * SIZE {
+        let at = [place % SIZE, place / SIZE];
+        let is_red = picture[place as usize][0] > picture[place as usize][1];
+        let is_beside = (0..2).any(|axis| !extent(axis).contains(&at[axis]));
+        assert!(!(is_red && is_beside), "something at {at:?}");
+        let (start, direction) = ray(&camera, at);
+        // But for a pixel at its edges.
+        let [from, to] = [-0.39, 0.39].map(|side| (DVec3::splat(side) - start) / direction);
+        let met = from.min(to).max_element() < from.max(to).min_element();
+        assert!(is_red || !met, "a hole at {at:?}");
+        if met && at[0].is_multiple_of(16) && at[1].is_multiple_of(16) {
+            let pick = renderer.pick(at).unwrap().unwrap();
+            let off = (pick.point.abs().max_element() - 0.4).abs();
+            assert!(off < 1e-4, "{} is not on a face", pick.point);
+        }
+    }
+}
+
+/// Two boxes, turned alike, of which the second's face is where the first's is.
+fn touching(turn: DQuat, mirrored: bool) -> Arc<Scene> {
+    let side = if mirrored { -1.0 } else { 1.0 };
+    let place = |i: u32| Instance {
+        mesh: i,
+        node: i,
+        material: 0,
+        world_from_part: DAffine3::from_scale_rotation_translation(
+            DVec3::new(side, 1.0, 1.0),
+            turn,
+            turn * DVec3::new(0.0, 0.0, -2.0 * f64::from(i)),
+        ),
+    };
+    // Of another size across, so that the two are on grids of their own.
+    let shape = |i: u32| {
+        let mut mesh = common::patched_box(1);
+        let wide = 1.0 + 0.37 * i as f32;
+        for [x, y, z] in &mut mesh.positions {
+            [*x, *y, *z] = [wide * (2.0 * *x - 1.0), wide * (2.0 * *y - 1.0), 2.0 * *z - 1.0];
+        }
+        mesh
+    };
+    common::baked_model(Model {
+        meshes: (0..2).map(shape).collect(),
+        instances: (0..2).map(place).collect(),
+        nodes: (0..2).map(|i| Node { name: format!("box {i}"), parent: None }).collect(),
+        materials: vec![Material::default()],
+        notes: Vec::new(),
+    })
+}
+
+#[test]
+fn a_cut_face_hides_what_touches_its_part_from_behind() {
+    let Some(gpu) = gpu("a_cut_face_hides_what_touches_its_part_from_behind") else { return };
+    let plain = Arc::new(Gpu::new(&GpuOptions { plain: true, ..GpuOptions::default() }).unwrap());
+    let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.31, 0.47, 0.11);
+    for (gpu, samples) in [(&gpu, 1), (&gpu, 4), (&plain, 1)] {
+        let perspective = Projection::Perspective(FRAC_PI_4);
+        for (projection, mirrored) in
+            [(perspective, false), (Projection::Parallel, false), (perspective, true)]
+        {
+            let scene = touching(turn, mirrored);
+            assert_eq!(scene.parts()[0].closure(), Closure::Closed);
+            let orientation = StandardView::Front.orientation(UpAxis::Y);
+            let camera = views::fit(scene.bounds(), scene.bounds(), orientation, projection, 1.0);
+            let settings = Settings { samples, ..settings() };
+            let mut renderer = Renderer::new(Arc::clone(gpu), Arc::clone(&scene), settings).unwrap();
+            renderer.set_looks(&[Look::coloured([255, 0, 0, 255]), Look::coloured([0, 0, 255, 255])]);
+            let section = Section { point: turn * DVec3::Z * 0.4, normal: turn * DVec3::NEG_Z };
+            renderer.set_style(Style { sections: vec![section], ..Style::default() });
+            settle(&mut renderer, &camera);
+            let picture = pixels(&renderer);
+            renderer.set_style(Style { sections: vec![section], depth_cue: 1.0, ..Style::default() });
+            renderer.frame(&camera).unwrap();
+            let cued = pixels(&renderer);
+            // Well within the face of the cut.
+            for (u, v) in (0..80).flat_map(|i| (0..80).map(move |j| (i, j))) {
+                let across = |i: i32| f64::from(i) / 79.0 * 1.6 - 0.8;
+                let point = turn * DVec3::new(across(u), across(v), 0.4);
+                let at = pixel_of(&camera, point);
+                let place = (at[1] * SIZE + at[0]) as usize;
+                let [red, _, blue, _] = picture[place];
+                let darker = (0..3).map(|i| picture[place][i].abs_diff(cued[place][i])).max();
+                assert!(darker < Some(8), "a cue at {at:?}");
+                assert!(red > blue, "{samples} {projection:?} {mirrored}: a hole at {at:?}");
+                if (u + v) % 20 == 0 {
+                    let pick = renderer.pick(at).unwrap().unwrap();
+                    assert_eq!(pick.instance, 0, "{samples} {projection:?} {mirrored}: picked at {at:?}");
+                }
             }
         }
     }

@@ -66,13 +66,3 @@ fn clipped_edged_vertex(@builtin(vertex_index) index: u32) -> ClippedEdgedCorner
         edged.look, edged.place, edged.lines,
     );
 }
-
-@fragment
-fn clipped_fragment(corner: Corner, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
-    return capped(corner, front);
-}
-
-@fragment
-fn clipped_edged_fragment(corner: EdgedCorner, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
-    return edged_capped(corner, front);
-}

@@ -1,11 +1,7 @@
-// section: what section planes keep of a pixel, and the caps that close what they cut.
+// section: what section planes keep of a pixel, and where a line of sight came in by them.
 //
-// Follows surface.wgsl, whose frame has the planes.
-//
-// A cap needs no geometry of its own. Where the first surface behind the cut that a line of sight meets is seen from
-// within a closed part, the line has come into solid material through the plane: what is to be seen there is the cut
-// face. So the back sides of closed parts are painted as the plane that the line came in by. No gap is possible, at
-// any level of detail, for the cap ends where the surface does.
+// Follows surface.wgsl, whose frame has the planes. Whether lines of sight come in by a plane or leave by it is the same for
+// all of them that have anything to show: it cuts the eye off, or it does not.
 
 // Where the standard samples lie in their pixel, from its middle, in sixteenths of a pixel: x, and y downwards.
 const SAMPLES_X = vec4<f32>(-2.0, 6.0, -6.0, 2.0);
@@ -14,13 +10,29 @@ const SAMPLES_Y = vec4<f32>(-6.0, -2.0, 2.0, 6.0);
 // Samples a pixel.
 override SAMPLES: u32 = 1u;
 
+// No row of Frame.entries that lines of sight come in by is as great.
+const NONE_ENTERS: f32 = 3e38;
+
 // The samples of a pixel that all sections keep, a bit each. Only in uniform control flow.
 fn kept_samples(relative: vec3<f32>) -> u32 {
+    return samples_behind(relative, false);
+}
+
+// The same of the sections that lines of sight come in by.
+fn entered_samples(relative: vec3<f32>) -> u32 {
+    return samples_behind(relative, true);
+}
+
+// The same of all sections, or of those that lines of sight come in by.
+fn samples_behind(relative: vec3<f32>, only_entered: bool) -> u32 {
     let right = dpdx(relative);
     let down = dpdy(relative);
     // By sample, the least distance to any plane.
     var least = vec4<f32>(3e38);
     for (var i = 0u; i < frame.section_count; i += 1u) {
+        if only_entered && frame.entries[i].w >= NONE_ENTERS {
+            continue;
+        }
         let plane = frame.sections[i];
         let distance = dot(plane.xyz, relative) + plane.w;
         if SAMPLES == 4u {
@@ -35,10 +47,12 @@ fn kept_samples(relative: vec3<f32>) -> u32 {
 }
 
 const NO_ENTRY: u32 = 0xFFFFFFFFu;
+// Rows of Frame.sections.
+const MOST_SECTIONS: u32 = 12u;
 
 // The section that the line of sight to a point came in by last; NO_ENTRY if it came in by none.
 fn entry_before(relative: vec3<f32>) -> u32 {
-    var least = 3e38;
+    var least = NONE_ENTERS;
     var entry = NO_ENTRY;
     for (var i = 0u; i < frame.section_count; i += 1u) {
         let before = dot(frame.entries[i].xyz, relative) + frame.entries[i].w;

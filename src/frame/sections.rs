@@ -4,10 +4,13 @@
 //! moves it takes no part in the budget; what is kept wholly is drawn as if there were no sections. Only the instances that
 //! are cut pay for being cut.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
+use crate::geometry::Closure;
 use crate::passes::draw::{ROUNDING, Ranges, Section};
-use crate::scene::InstanceBox;
+use crate::scene::{InstanceBox, Scene};
 use crate::select::wish::has_bit;
 use crate::stream::State;
 
@@ -34,21 +37,43 @@ pub(super) struct Taken {
     /// By batch.
     ranges: Vec<Ranges>,
     is_current: bool,
+    /// The placements of closed parts that are cut into cells, once they have been looked for.
+    closed_in_cells: Option<Vec<Range<u32>>>,
 }
 
 impl Taken {
     /// Takes other sections; says whether they were others.
-    pub fn set(&mut self, sections: &[Section], boxes: &[InstanceBox]) -> bool {
+    pub fn set(&mut self, sections: &[Section], scene: &Scene) -> bool {
         if self.sections == sections {
             return false;
         }
         self.sections = sections.to_vec();
         (self.gone, self.cut) = match sections {
             [] => (Vec::new(), Vec::new()),
-            sections => boxes.par_chunks(64).map(|boxes| bits(boxes, sections)).unzip(),
+            sections => scene.boxes().par_chunks(64).map(|boxes| bits(boxes, sections)).unzip(),
         };
+        if !sections.is_empty() && scene.has_parents() {
+            self.cut_cells_together(scene);
+        }
         self.is_current = false;
         true
+    }
+
+    /// Where one cell of a closed part is cut, or one is kept and another gone, all cells of that placement count as cut: the
+    /// face of the cut is within a surface that they have together.
+    fn cut_cells_together(&mut self, scene: &Scene) {
+        let closed = self.closed_in_cells.take().unwrap_or_else(|| closed_in_cells(scene));
+        for cells in &closed {
+            let first = self.fate(cells.start);
+            if first == Fate::Cut || cells.clone().any(|cell| self.fate(cell) != first) {
+                for cell in cells.clone() {
+                    let (word, bit) = (cell as usize / 64, 1 << (cell % 64));
+                    self.gone[word] &= !bit;
+                    self.cut[word] |= bit;
+                }
+            }
+        }
+        self.closed_in_cells = Some(closed);
     }
 
     /// A bit for each instance of which nothing is left; no bits without sections.
@@ -83,6 +108,22 @@ impl Taken {
             (false, false) => Fate::Kept,
         }
     }
+}
+
+/// The placements of closed parts that are cut into cells.
+fn closed_in_cells(scene: &Scene) -> Vec<Range<u32>> {
+    let (instances, parts) = (scene.instances(), scene.parts());
+    let mut found = Vec::new();
+    let mut next = 0;
+    while next < instances.len() as u32 {
+        let part = &parts[instances[next as usize].part as usize];
+        let cells = if part.is_root() && !part.is_parent() { next..next + 1 } else { scene.placement(next) };
+        next = cells.end;
+        if cells.len() > 1 && part.closure() != Closure::Open {
+            found.push(cells);
+        }
+    }
+    found
 }
 
 /// Which of up to 64 boxes are gone, and which are cut.

@@ -74,7 +74,7 @@ impl Renderer {
             return Ok(());
         }
         let asked = self.asked();
-        self.draw.prepare(&self.gpu.device, asked);
+        self.draw.prepare(&self.gpu.device, asked, &self.target)?;
         // A ghost covers some of its samples, whether it is cut or not.
         let has_ranges = asked.cut != Cut::No && !self.looks.any_ghost;
         let (count, held, states) = (self.batches.len(), &self.held, &self.states);
@@ -97,7 +97,12 @@ impl Renderer {
     }
 
     fn asked(&self) -> Asked {
-        Asked { edges: self.style.edges != Edges::None, cut: self.cut(), depth: self.style.depth_cue > 0.0 }
+        Asked {
+            edges: self.style.edges != Edges::None,
+            cut: self.cut(),
+            depth: self.style.depth_cue > 0.0,
+            cut_faces: self.uniform.is_some_and(|uniform| uniform.is_entered()),
+        }
     }
 
     fn cut(&self) -> Cut {
@@ -132,7 +137,7 @@ impl Renderer {
     pub fn set_style(&mut self, mut style: Style) {
         style.sections.retain(|section| section.cuts(self.scene.bounds()));
         style.sections.truncate(MOST_SECTIONS);
-        if self.taken.set(&style.sections, self.scene.boxes()) {
+        if self.taken.set(&style.sections, &self.scene) {
             self.leave_out_what_is_not_seen();
         }
         self.style = style;

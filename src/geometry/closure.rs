@@ -1,7 +1,7 @@
 //! A welded mesh in; whether its triangles close off a volume, and on which side of them it lies, out.
 //!
-//! A section is capped where a line of sight leaves a closed surface from within (`shaders/shared/section.wgsl`), which
-//! needs to know just that of a part.
+//! What a section cuts of a closed surface has a face (`shaders/cut_face.wgsl`): its fronts and backs are counted, which needs
+//! to know just that of a part.
 
 use super::weld::WeldedMesh;
 

@@ -86,19 +86,18 @@ impl Target {
     /// When the size or the samples are not possible on this device, or its memory is exhausted.
     pub fn new(device: &wgpu::Device, width: u32, height: u32, samples: u32) -> Result<Self, TargetError> {
         check(device, width, height, samples)?;
-        let scope = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let attachment = wgpu::TextureUsages::RENDER_ATTACHMENT;
+        let bound = wgpu::TextureUsages::TEXTURE_BINDING;
         let texture = |label, format, samples, usage| {
             device.create_texture(&describe(label, [width, height], format, samples, usage, &[]))
         };
-        let resolved = resolved_texture(device, [width, height]);
-        let multisampled =
-            (samples > 1).then(|| texture("target samples", COLOUR_FORMAT, samples, attachment));
-        let bound = wgpu::TextureUsages::TEXTURE_BINDING;
-        let depth = texture("target depth", DEPTH_FORMAT, samples, attachment | bound);
-        if let Some(source) = pollster::block_on(scope.pop()) {
-            return Err(TargetError::OutOfMemory { width, height, source });
-        }
+        let (resolved, multisampled, depth) = check_memory(device, [width, height], || {
+            (
+                resolved_texture(device, [width, height]),
+                (samples > 1).then(|| texture("target samples", COLOUR_FORMAT, samples, attachment)),
+                texture("target depth", DEPTH_FORMAT, samples, attachment | bound),
+            )
+        })?;
         let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         Ok(Self {
             width,
@@ -119,11 +118,7 @@ impl Target {
     /// The memory of the device is exhausted.
     pub fn sibling(&self, device: &wgpu::Device) -> Result<Self, TargetError> {
         let (width, height) = (self.width, self.height);
-        let scope = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
-        let resolved = resolved_texture(device, [width, height]);
-        if let Some(source) = pollster::block_on(scope.pop()) {
-            return Err(TargetError::OutOfMemory { width, height, source });
-        }
+        let resolved = check_memory(device, [width, height], || resolved_texture(device, [width, height]))?;
         Ok(Self {
             width,
             height,
@@ -165,12 +160,31 @@ impl Target {
 
     /// The colour attachment, resolved if multisampled. Nothing is cleared to: the background covers everything.
     pub fn colour_attachment(&self) -> wgpu::RenderPassColorAttachment<'_> {
+        self.colour(wgpu::LoadOp::Clear(wgpu::Color::BLACK), true)
+    }
+
+    /// The same for a pass after which another goes on, by [`Target::colour_attachment_again`].
+    pub fn colour_attachment_at_first(&self) -> wgpu::RenderPassColorAttachment<'_> {
+        self.colour(wgpu::LoadOp::Clear(wgpu::Color::BLACK), false)
+    }
+
+    /// The colour attachment as it was left, resolved if multisampled.
+    pub fn colour_attachment_again(&self) -> wgpu::RenderPassColorAttachment<'_> {
+        self.colour(wgpu::LoadOp::Load, true)
+    }
+
+    fn colour(&self, load: wgpu::LoadOp<wgpu::Color>, is_last: bool) -> wgpu::RenderPassColorAttachment<'_> {
         let (view, resolve_target, store) = match &self.multisampled_view {
-            Some(samples) => (samples, Some(&self.resolved_view), wgpu::StoreOp::Discard),
+            Some(samples) if is_last => (samples, Some(&self.resolved_view), wgpu::StoreOp::Discard),
+            Some(samples) => (samples, None, wgpu::StoreOp::Store),
             None => (&self.resolved_view, None, wgpu::StoreOp::Store),
         };
-        let ops = wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store };
-        wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target, ops }
+        wgpu::RenderPassColorAttachment {
+            view,
+            depth_slice: None,
+            resolve_target,
+            ops: wgpu::Operations { load, store },
+        }
     }
 
     /// The picture, resolved if multisampled, with what it shows kept.
@@ -195,14 +209,12 @@ impl Target {
 
     /// The depth attachment, cleared to infinity; with `keep` it is there after the pass.
     pub fn depth_attachment(&self, keep: bool) -> wgpu::RenderPassDepthStencilAttachment<'_> {
-        wgpu::RenderPassDepthStencilAttachment {
-            view: &self.depth_view,
-            depth_ops: Some(wgpu::Operations {
-                load: wgpu::LoadOp::Clear(0.0),
-                store: if keep { wgpu::StoreOp::Store } else { wgpu::StoreOp::Discard },
-            }),
-            stencil_ops: None,
-        }
+        attached_depth(&self.depth_view, wgpu::LoadOp::Clear(0.0), keep)
+    }
+
+    /// The depth attachment as it was kept; with `keep` it is there after this pass, too.
+    pub fn depth_attachment_again(&self, keep: bool) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+        attached_depth(&self.depth_view, wgpu::LoadOp::Load, keep)
     }
 
     /// The picture as rows of RGBA from the top, 8 bits a channel, sRGB. Waits for the GPU.
@@ -244,6 +256,37 @@ fn describe<'a>(
         format,
         usage,
         view_formats,
+    }
+}
+
+/// A depth attachment; with `keep` it is there after the pass.
+pub(crate) fn attached_depth(
+    view: &wgpu::TextureView,
+    load: wgpu::LoadOp<f32>,
+    keep: bool,
+) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+    let store = if keep { wgpu::StoreOp::Store } else { wgpu::StoreOp::Discard };
+    wgpu::RenderPassDepthStencilAttachment {
+        view,
+        depth_ops: Some(wgpu::Operations { load, store }),
+        stencil_ops: None,
+    }
+}
+
+/// Makes something for a picture of that size.
+///
+/// # Errors
+/// The memory of the device is exhausted.
+pub(crate) fn check_memory<T>(
+    device: &wgpu::Device,
+    [width, height]: [u32; 2],
+    make: impl FnOnce() -> T,
+) -> Result<T, TargetError> {
+    let scope = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+    let made = make();
+    match pollster::block_on(scope.pop()) {
+        Some(source) => Err(TargetError::OutOfMemory { width, height, source }),
+        None => Ok(made),
     }
 }
 

@@ -5,9 +5,9 @@
 //! done to an instance from one of [`LookRow`]s: to hide, ghost or colour any number of instances writes words of that table
 //! and streams nothing. Depth is reversed; there is no culling by winding, because CAD data does not keep it.
 //!
-//! Sections clip by distances where the device can (`shaders/shared/clipped.wgsl`), else they cut sample by sample; they
-//! close what they cut without geometry (`shaders/shared/section.wgsl`). Where edges
-//! are drawn the same buffers are read as storage, because a corner must know its triangle.
+//! Sections clip by distances where the device can (`shaders/shared/clipped.wgsl`), else they cut sample by sample; what they
+//! cut is closed by the pass after this one ([`super::cut_face`]). Where edges are drawn the same buffers are read as storage,
+//! because a corner must know its triangle.
 
 mod pipelines;
 mod row;
@@ -16,7 +16,8 @@ mod uniform;
 use std::collections::HashMap;
 use std::ops::Range;
 
-use crate::gpu::target::Target;
+use super::cut_face::{CutFacePass, Paint};
+use crate::gpu::target::{COLOUR_FORMAT, Target, TargetError};
 use pipelines::{Drawn, Kind, Pipelines};
 pub(super) use pipelines::{active_vertices, depth_state};
 pub use row::{InstanceRow, Look, LookRow};
@@ -33,7 +34,7 @@ pub const SHADER: &str = concat!(
 );
 
 /// The source for devices that clip by distances: sections cost no test of samples there.
-const CLIPPED_SHADER: &str = concat!(
+pub(super) const CLIPPED_SHADER: &str = concat!(
     "enable clip_distances;\n",
     include_str!("../../shaders/shared/surface.wgsl"),
     include_str!("../../shaders/shared/section.wgsl"),
@@ -79,6 +80,11 @@ pub struct Ranges {
 }
 
 impl DrawBatch<'_> {
+    /// What of it sections cut; `None` is all of it.
+    pub(super) fn cut_ranges(&self) -> Option<&[Range<u32>]> {
+        self.ranges_of(true)
+    }
+
     /// What of it is drawn in that way; `None` is all of it, by the indirect draw.
     fn ranges_of(&self, is_cut: bool) -> Option<&[Range<u32>]> {
         self.ranges.map(|ranges| if is_cut { ranges.cut.as_slice() } else { ranges.kept.as_slice() })
@@ -106,6 +112,8 @@ pub struct Asked {
     pub cut: Cut,
     /// Whether the depth is kept for what comes after.
     pub depth: bool,
+    /// Whether what sections cut is closed: lines of sight come in by one.
+    pub cut_faces: bool,
 }
 
 /// What is drawn in one go.
@@ -126,6 +134,8 @@ pub struct DrawPass {
     made: HashMap<Kind, wgpu::RenderPipeline>,
     frame: wgpu::Buffer,
     frame_group: wgpu::BindGroup,
+    /// Made when there is something to close.
+    cut_face: Option<CutFacePass>,
 }
 
 impl DrawPass {
@@ -148,8 +158,8 @@ impl DrawPass {
         };
         let frame = frame_buffer(device, "draw frame");
         let frame_group = bind(device, "draw frame", &pipelines.frame, &[&frame]);
-        let mut this = Self { pipelines, made: HashMap::new(), frame, frame_group };
-        this.prepare(device, Asked::default());
+        let mut this = Self { pipelines, made: HashMap::new(), frame, frame_group, cut_face: None };
+        this.make_pipelines(device, Asked::default());
         this
     }
 
@@ -170,14 +180,39 @@ impl DrawPass {
         bytes.len() as u64
     }
 
-    /// Makes the pipelines that a frame needs, if they are not there.
-    pub fn prepare(&mut self, device: &wgpu::Device, asked: Asked) {
+    /// Makes what a frame into a target needs, if it is not there.
+    ///
+    /// # Errors
+    /// The memory of the device is exhausted.
+    pub fn prepare(
+        &mut self,
+        device: &wgpu::Device,
+        asked: Asked,
+        target: &Target,
+    ) -> Result<(), TargetError> {
+        self.make_pipelines(device, asked);
+        if !asked.cut_faces {
+            return Ok(());
+        }
+        let Pipelines { frame, instances, samples, .. } = &self.pipelines;
+        let cut_face = self
+            .cut_face
+            .get_or_insert_with(|| CutFacePass::new(device, *samples, CUT_FACES, [frame, instances]));
+        cut_face.prepare(device, [target.width(), target.height()])
+    }
+
+    /// Bytes of GPU memory that it takes beside the target's.
+    pub fn gpu_bytes(&self) -> u64 {
+        self.cut_face.as_ref().map_or(0, CutFacePass::gpu_bytes)
+    }
+
+    fn make_pipelines(&mut self, device: &wgpu::Device, asked: Asked) {
         for kind in kinds(asked) {
             self.made.entry(kind).or_insert_with(|| self.pipelines.make(device, kind));
         }
     }
 
-    /// Records the pass: all batches, boxes, then the background where nothing was drawn.
+    /// Records the pass: all batches, boxes, the background where nothing was drawn, then the faces of cuts.
     pub fn record(
         &self,
         device: &wgpu::Device,
@@ -186,10 +221,31 @@ impl DrawPass {
         list: &DrawList<'_>,
         timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
     ) {
+        let asked = list.asked;
+        let cut_face = self.cut_face.as_ref().filter(|_| asked.cut_faces && list.has_cut());
+        let Some(cut_face) = cut_face else {
+            let attachments = (target.colour_attachment(), target.depth_attachment(asked.depth));
+            return self.record_scene(device, encoder, attachments, list, timestamp_writes);
+        };
+        let attachments = (target.colour_attachment_at_first(), target.depth_attachment(true));
+        let [begins, ends] = halves(timestamp_writes);
+        self.record_scene(device, encoder, attachments, list, begins);
+        let (colour, depth) = (target.colour_attachment_again(), target.depth_attachment_again(asked.depth));
+        cut_face.record(encoder, &self.frame_group, list, (colour, depth), ends);
+    }
+
+    fn record_scene(
+        &self,
+        device: &wgpu::Device,
+        encoder: &mut wgpu::CommandEncoder,
+        (colour, depth): (wgpu::RenderPassColorAttachment<'_>, wgpu::RenderPassDepthStencilAttachment<'_>),
+        list: &DrawList<'_>,
+        timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
+    ) {
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("draw"),
-            color_attachments: &[Some(target.colour_attachment())],
-            depth_stencil_attachment: Some(target.depth_attachment(list.asked.depth)),
+            color_attachments: &[Some(colour)],
+            depth_stencil_attachment: Some(depth),
             timestamp_writes,
             ..Default::default()
         });
@@ -242,7 +298,35 @@ impl DrawPass {
     }
 }
 
-fn module(device: &wgpu::Device, label: &str, source: &'static str) -> wgpu::ShaderModule {
+/// How cut faces are painted in a picture.
+const CUT_FACES: Paint = Paint {
+    entry: "cut_face_fragment",
+    clipped_entry: Some("clipped_cut_face_fragment"),
+    format: COLOUR_FORMAT,
+};
+
+impl DrawList<'_> {
+    /// Whether sections cut any of it.
+    fn has_cut(&self) -> bool {
+        self.batches.iter().any(|batch| batch.cut_ranges().is_none_or(|ranges| !ranges.is_empty()))
+    }
+}
+
+/// One time that begins with a pass and ends with a later one.
+fn halves(
+    times: Option<wgpu::RenderPassTimestampWrites<'_>>,
+) -> [Option<wgpu::RenderPassTimestampWrites<'_>>; 2] {
+    let half = |begins: bool| {
+        times.as_ref().map(|times| wgpu::RenderPassTimestampWrites {
+            query_set: times.query_set,
+            beginning_of_pass_write_index: times.beginning_of_pass_write_index.filter(|_| begins),
+            end_of_pass_write_index: times.end_of_pass_write_index.filter(|_| !begins),
+        })
+    };
+    [half(true), half(false)]
+}
+
+pub(super) fn module(device: &wgpu::Device, label: &str, source: &str) -> wgpu::ShaderModule {
     let source = wgpu::ShaderSource::Wgsl(source.into());
     device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some(label), source })
 }
@@ -329,6 +413,17 @@ pub(super) fn bind(
         .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
         .collect();
     device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
+}
+
+/// Binds a texture alone.
+pub(super) fn bind_texture(
+    device: &wgpu::Device,
+    label: &str,
+    layout: &wgpu::BindGroupLayout,
+    view: &wgpu::TextureView,
+) -> wgpu::BindGroup {
+    let entry = wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(view) };
+    device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &[entry] })
 }
 
 #[cfg(test)]

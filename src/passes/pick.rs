@@ -5,11 +5,12 @@
 
 use glam::DVec3;
 
+use super::cut_face::{CutFacePass, Paint};
 use super::draw::{
     DrawList, FrameUniform, InstanceRow, LookRow, SHADER as DRAW_SHADER, active_vertices, bind, depth_state,
     draw_batch, draw_boxes, frame_buffer, layout,
 };
-use crate::gpu::target::DEPTH_FORMAT;
+use crate::gpu::target::{DEPTH_FORMAT, attached_depth};
 use crate::gpu::{Gpu, GpuError, readback};
 
 /// What follows the shader of the draw pass.
@@ -21,6 +22,8 @@ pub fn shader() -> String {
 }
 
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
+/// How cut faces are written.
+const CUT_FACES: Paint = Paint { entry: "pick_cut_face_fragment", clipped_entry: None, format: FORMAT };
 /// Words of a pixel.
 const WORDS: usize = 4;
 
@@ -38,6 +41,7 @@ pub struct Picked {
 pub struct PickPass {
     scene: wgpu::RenderPipeline,
     boxes: wgpu::RenderPipeline,
+    cut_face: CutFacePass,
     frame: wgpu::Buffer,
     frame_group: wgpu::BindGroup,
     pixel: wgpu::Texture,
@@ -65,7 +69,10 @@ impl PickPass {
         });
         let groups = [Some(&of_frame), Some(&instances)];
         let frame = frame_buffer(device, "pick frame");
+        let mut cut_face = CutFacePass::new(device, 1, CUT_FACES, [&of_frame, &instances]);
+        cut_face.prepare(device, [1, 1]).map_err(|_| GpuError::OutOfMemory)?;
         Ok(Self {
+            cut_face,
             scene: pipeline(device, &module, &groups, "draw_vertex", &[Some(active_vertices())]),
             boxes: pipeline(device, &module, &groups, "box_vertex", &[]),
             frame_group: bind(device, "pick frame", &of_frame, &[&frame]),
@@ -102,32 +109,29 @@ impl PickPass {
     fn record(&self, encoder: &mut wgpu::CommandEncoder, list: &DrawList<'_>) {
         let [pixel, depth] =
             [&self.pixel, &self.depth].map(|texture| texture.create_view(&Default::default()));
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("pick"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: &pixel,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
-            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                view: &depth,
-                depth_ops: Some(wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(0.0),
-                    store: wgpu::StoreOp::Discard,
-                }),
-                stencil_ops: None,
-            }),
-            ..Default::default()
-        });
-        pass.set_bind_group(0, &self.frame_group, &[]);
-        pass.set_pipeline(&self.scene);
-        list.batches.iter().for_each(|batch| draw_batch(&mut pass, batch, None));
-        pass.set_pipeline(&self.boxes);
-        draw_boxes(&mut pass, list);
+        let colour = |load| wgpu::RenderPassColorAttachment {
+            view: &pixel,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations { load, store: wgpu::StoreOp::Store },
+        };
+        {
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("pick"),
+                color_attachments: &[Some(colour(wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT)))],
+                depth_stencil_attachment: Some(attached_depth(&depth, wgpu::LoadOp::Clear(0.0), true)),
+                ..Default::default()
+            });
+            pass.set_bind_group(0, &self.frame_group, &[]);
+            pass.set_pipeline(&self.scene);
+            list.batches.iter().for_each(|batch| draw_batch(&mut pass, batch, None));
+            pass.set_pipeline(&self.boxes);
+            draw_boxes(&mut pass, list);
+        }
+        if list.asked.cut_faces {
+            let attachments = (colour(wgpu::LoadOp::Load), attached_depth(&depth, wgpu::LoadOp::Load, false));
+            self.cut_face.record(encoder, &self.frame_group, list, attachments, None);
+        }
     }
 }
 

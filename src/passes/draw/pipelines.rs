@@ -46,9 +46,7 @@ impl Pipelines {
         let (frame, instances, edged) = (Some(&self.frame), Some(&self.instances), Some(&self.edged));
         let (module, [scene, edges, boxes], [surface, lined]) = match (kind.cut, &self.clipped) {
             (Cut::No, _) => (&self.module, PLAIN, ["draw_fragment", "edged_fragment"]),
-            (Cut::Clipped, Some(clipped)) => {
-                (clipped, CLIPPED, ["clipped_fragment", "clipped_edged_fragment"])
-            }
+            (Cut::Clipped, Some(clipped)) => (clipped, CLIPPED, ["draw_fragment", "edged_fragment"]),
             (Cut::Clipped, None) | (Cut::Sampled, _) => {
                 (&self.module, PLAIN, ["cut_fragment", "edged_cut_fragment"])
             }

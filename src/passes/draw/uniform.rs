@@ -162,6 +162,11 @@ impl FrameUniform {
         }
     }
 
+    /// Whether lines of sight come in by any section, so that there may be cut faces to be seen.
+    pub(crate) fn is_entered(&self) -> bool {
+        self.entries.iter().any(|entry| *entry != NO_ENTRY)
+    }
+
     /// What the GPU lacks of it: without sections their rows are not looked at, and stay what they were.
     pub(super) fn bytes_used(&self) -> &[u8] {
         let all = bytemuck::bytes_of(self);

@@ -291,6 +291,8 @@ fn joined(children: &[&Node], owners: &FxHashMap<u64, u32>) -> Cell {
             *inside.entry(position).or_insert(0) += 1;
         }
     }
+    // What follows one another lies together, as in a mesh that was welded: searches for what is near count on it.
+    mesh.triangles.sort_by_key(|triangle| triangle.iter().copied().min());
     let mut locked = Vec::new();
     let mut last = None;
     for &record in &records {

@@ -3,6 +3,7 @@
 use crate::common::{height_field, patched_box, sphere};
 use crate::models::{TRIANGLE, obj};
 use crate::workplace::Workplace;
+use collapsar::import::SourceMesh;
 
 /// A sphere, a box and a field, baked.
 fn baked() -> Workplace {
@@ -40,6 +41,43 @@ fn errors_grow_as_triangles_go_and_full_detail_has_none() {
         ["ours", "meshoptimizer"].map(|simplifier| rows[2][simplifier]["triangles"].as_f64().unwrap());
     assert!((counts[0] / counts[1] - 1.0).abs() < 0.05, "{counts:?}");
     assert!(rows[1]["stated_max"].as_f64().unwrap() > 0.0);
+}
+
+/// A ring of long thin triangles: a tube of three sides.
+fn thin_ring(segments: u32) -> SourceMesh {
+    let mut mesh = SourceMesh { name: "ring".into(), ..SourceMesh::default() };
+    let turn = std::f32::consts::TAU;
+    for i in 0..segments {
+        let (sin, cos) = (turn * i as f32 / segments as f32).sin_cos();
+        for k in 0..3 {
+            let (high, wide) = (turn * k as f32 / 3.0).sin_cos();
+            let radius = 1.0 + 0.1 * wide;
+            mesh.positions.push([radius * cos, radius * sin, 0.1 * high]);
+        }
+    }
+    let at = |i: u32, k: u32| 3 * (i % segments) + k % 3;
+    for (i, k) in (0..segments).flat_map(|i| (0..3).map(move |k| (i, k))) {
+        let [a, b, c, d] = [at(i, k), at(i + 1, k), at(i + 1, k + 1), at(i, k + 1)];
+        mesh.triangles.extend([[a, b, c], [a, c, d]]);
+    }
+    mesh
+}
+
+#[test]
+fn the_stated_error_is_near_the_measured_one_in_parents_of_cells_and_in_slivers() {
+    for (mesh, ratios) in [(height_field(280), "0.25,0.1"), (thin_ring(7000), "0.9,0.5")] {
+        let place = Workplace::new();
+        place.write("model.obj", obj(&[mesh]));
+        place.bake("model.obj", "model.clps");
+        let json =
+            place.run(&compare(&["--json", "--no-meshoptimizer", "--ratios", ratios])).succeeded().json();
+        for row in json["rows"].as_array().unwrap() {
+            let [stated, measured] = [&row["stated_max"], &row["ours"]["max"]].map(|v| v.as_f64().unwrap());
+            // Less than a grid step of 1e-6 is rounding.
+            assert!(stated < 4.0 * (measured + 1e-6), "{row}");
+            assert!(measured < 1.5 * (stated + 1e-6), "{row}");
+        }
+    }
 }
 
 #[test]

@@ -335,7 +335,8 @@ impl<'a> Simplifier<'a> {
                 let limits = [middle.to_end, farthest];
                 let found = whole.nearest(corners, middle.point, limits, self.looks);
                 self.looks = self.looks.saturating_sub(found.opened);
-                found.squared
+                // A search that has opened enough boxes ends with what it has; the ring is no farther than the error so far.
+                found.squared.min((middle.to_ring.sqrt() + self.error).powi(2))
             } else {
                 middle.to_ring
             };

@@ -643,6 +643,22 @@ fn the_first_budget_follows_the_card_and_a_chosen_one_is_kept() {
 }
 
 #[test]
+fn tab_hides_and_shows_the_panels_and_takes_no_key_away() {
+    let Some(gpu) = gpu("tab_hides_and_shows_the_panels_and_takes_no_key_away") else { return };
+    let mut desk = Desk::with_engine(&gpu);
+    let has_panels = |desk: &Desk| desk.harness.query_by_label("Search the tree").is_some();
+    assert!(has_panels(&desk));
+    for shown in [false, true, false, true] {
+        desk.press(Modifiers::NONE, Key::Tab);
+        desk.harness.step();
+        assert_eq!(has_panels(&desk), shown);
+        assert_eq!(desk.harness.ctx.memory(|memory| memory.focused()), None);
+    }
+    desk.press(Modifiers::COMMAND, Key::Q);
+    assert_eq!(desk.harness.state_mut().asks(), [Ask::Quit]);
+}
+
+#[test]
 fn panels_that_are_only_looked_at_change_no_setting() {
     let Some(gpu) = gpu("panels_that_are_only_looked_at_change_no_setting") else { return };
     let mut desk = Desk::with_engine(&gpu);

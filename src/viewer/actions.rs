@@ -225,7 +225,7 @@ pub fn pressed(context: &egui::Context) -> Vec<Action> {
     if context.egui_wants_keyboard_input() {
         return Vec::new();
     }
-    context.input_mut(|input| {
+    let actions = context.input_mut(|input| {
         let mut actions: Vec<Action> = Vec::new();
         input.events.retain(|event| {
             let types = actions.last().is_some_and(|action| action.wants_text());
@@ -234,7 +234,12 @@ pub fn pressed(context: &egui::Context) -> Vec<Action> {
             found.is_none()
         });
         actions
-    })
+    });
+    // Tab asks for something here: to the interface it is the wish to move on to the next button, which would have the keys.
+    if !actions.is_empty() {
+        context.memory_mut(|memory| memory.move_focus(egui::FocusDirection::None));
+    }
+    actions
 }
 
 /// What the press of a key asks for.

@@ -65,6 +65,10 @@ pub struct PathDialog {
     system: Option<Receiver<Answer>>,
     /// Whether there was none.
     lacks_system: bool,
+    /// Why what was chosen last is not written to, or not yet.
+    objection: Option<String>,
+    /// A file that may be replaced, for that has been asked.
+    replaces: Option<PathBuf>,
 }
 
 /// What the system's dialog came to, and how long it was open.
@@ -85,17 +89,45 @@ pub enum Ended {
 impl PathDialog {
     /// Asks for a file; `first` is what stands in the field.
     pub fn new(want: Want, first: &Path) -> Self {
-        Self { want, text: first.display().to_string(), pictures: 72, system: None, lacks_system: false }
+        Self {
+            want,
+            text: first.display().to_string(),
+            pictures: 72,
+            system: None,
+            lacks_system: false,
+            objection: None,
+            replaces: None,
+        }
     }
 
     /// Shows it; says how it ended once it has.
     pub fn show(&mut self, context: &egui::Context, recent: &[PathBuf]) -> Option<Ended> {
         let modal = Modal::new(Id::unique("path dialog")).show(context, |ui| self.contents(ui, recent));
         let should_close = modal.should_close();
-        match modal.inner.or_else(|| self.system_choice()) {
+        let chosen = modal.inner.or_else(|| self.system_choice());
+        match chosen.and_then(|path| self.accepted(path)) {
             Some(path) => Some(Ended::Chosen(self.want, path)),
             None => should_close.then_some(Ended::Closed),
         }
+    }
+
+    /// The path, if it may be read or written: no slip of the keyboard replaces a model, and no file goes unasked.
+    fn accepted(&mut self, path: PathBuf) -> Option<PathBuf> {
+        if self.want.is_open() || self.want.is_folder() {
+            return Some(path);
+        }
+        let [needed, ..] = self.want.extensions() else { return Some(path) };
+        let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
+        if extension != **needed {
+            self.objection = Some(format!("The name must end in .{needed}."));
+            return None;
+        }
+        if path.is_file() && self.replaces.as_ref() != Some(&path) {
+            self.objection = Some("This file is there already: save once more to replace it.".to_owned());
+            (self.text, self.replaces) = (path.display().to_string(), Some(path));
+            return None;
+        }
+        Some(path)
     }
 
     fn contents(&mut self, ui: &mut Ui, recent: &[PathBuf]) -> Option<PathBuf> {
@@ -104,6 +136,9 @@ impl PathDialog {
         let label = ui.label(if self.want.is_folder() { "Folder" } else { "File" });
         let field = TextEdit::singleline(&mut self.text).desired_width(f32::INFINITY).hint_text("a path");
         let field = ui.add(field).labelled_by(label.id);
+        if field.changed() {
+            (self.objection, self.replaces) = (None, None);
+        }
         if !field.lost_focus() {
             field.request_focus();
         }
@@ -112,7 +147,11 @@ impl PathDialog {
             self.picture_counts(ui);
         }
         ui.horizontal(|ui| {
-            let name = if self.want.is_open() { "Open" } else { "Save" };
+            let name = match (self.want.is_open(), &self.replaces) {
+                (true, _) => "Open",
+                (false, None) => "Save",
+                (false, Some(_)) => "Replace",
+            };
             let is_typed = !self.text.trim().is_empty();
             let is_entered = ui.input(|input| input.key_pressed(Key::Enter));
             let clicked = ui.add_enabled(is_typed, egui::Button::new(name)).clicked();
@@ -127,6 +166,9 @@ impl PathDialog {
                 ui.close();
             }
         });
+        if let Some(objection) = &self.objection {
+            ui.colored_label(ui.visuals().warn_fg_color, objection);
+        }
         if self.lacks_system {
             ui.weak("This system has no dialog for files (xdg-desktop-portal or zenity): type the path.");
         }
@@ -225,6 +267,28 @@ mod tests {
         );
         (0..3).for_each(|_| harness.step());
         harness.query_by_label_contains("no dialog for files").is_some()
+    }
+
+    #[test]
+    fn only_a_picture_is_replaced_by_a_picture_and_only_once_asked() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for name in ["model.clps", "model.obj", "old.png"] {
+            std::fs::write(at(name), name).unwrap();
+        }
+        for want in [Want::SavePicture, Want::SaveWindow] {
+            let mut dialog = PathDialog::new(want, &at("new.png"));
+            for name in ["model.clps", "model.obj", "new.jpg", "new"] {
+                assert_eq!(dialog.accepted(at(name)), None, "{name}");
+                assert!(dialog.objection.as_ref().unwrap().contains("must end in .png"));
+            }
+            assert_eq!(dialog.accepted(at("old.png")), None);
+            assert!(dialog.objection.as_ref().unwrap().contains("replace"));
+            assert_eq!(dialog.accepted(at("old.png")), Some(at("old.png")));
+            assert_eq!(dialog.accepted(at("new.PNG")), Some(at("new.PNG")));
+        }
+        assert_eq!(PathDialog::new(Want::SavePath, &at("a.json")).accepted(at("a.gltf")), None);
+        assert_eq!(PathDialog::new(Want::Open, &at("")).accepted(at("model.obj")), Some(at("model.obj")));
     }
 
     #[test]

@@ -295,7 +295,12 @@ impl<'a> Simplifier<'a> {
     fn collapse(&mut self, position: u32, target: u32, phase: Phase) {
         // The evaluator has just found it among the neighbours.
         let slot = self.evaluator.ring.slot(target).unwrap_or(0) as u32;
-        let gone = self.ends_piece(target).then(|| self.points_of(&[position, target]));
+        // The target may have other triangles.
+        let stays = self.evaluator.ring.faces().len() < self.mesh.valence(target) as usize;
+        let gone = self.ends_ring(target).then(|| match stays {
+            true => self.points_of(&[position]),
+            false => self.points_of(&[position, target]),
+        });
         let (carried, witness) =
             self.drift.carry(&mut self.mesh, &self.evaluator.ring, position, slot, self.error);
         let bowed = self.bowed(slot);
@@ -308,7 +313,7 @@ impl<'a> Simplifier<'a> {
         self.move_faces(target);
         self.mesh.drop_list(position);
         let carried = match gone {
-            Some(points) => self.distance_to_rest(&points),
+            Some(points) => self.distance_to_rest(&points, stays.then_some(target)),
             None if self.looks == 0 || carried <= LEAP * self.error => carried,
             None => self.settled(carried, witness),
         };
@@ -484,15 +489,14 @@ impl<'a> Simplifier<'a> {
                 self.order.removed.push(triangle);
             }
         }
-        self.error = self.distance_to_rest(&points);
+        self.error = self.distance_to_rest(&points, None);
         self.close_group(Phase::Vanish);
     }
 
-    /// Whether a collapse onto this neighbour leaves nothing of the piece that both belong to.
-    fn ends_piece(&self, target: u32) -> bool {
-        let faces = self.evaluator.ring.faces();
-        faces.len() == self.mesh.valence(target) as usize
-            && self.evaluator.ring.faces().all(|face| face.touches(target))
+    /// Whether a collapse onto this neighbour leaves nothing of the ring, so that no triangle takes its place: a piece ends, or
+    /// what is left of it is joined to others in single positions.
+    fn ends_ring(&self, target: u32) -> bool {
+        self.evaluator.ring.faces().all(|face| face.touches(target))
     }
 
     /// Positions, what is around them and the witnesses there; of a large piece only some.
@@ -513,23 +517,30 @@ impl<'a> Simplifier<'a> {
     }
 
     /// The error so far, or how far points that have just gone, with all that they were connected to, are from what is
-    /// left, if that is more. The triangle nearest to the farthest of them remembers it.
-    fn distance_to_rest(&mut self, gone: &[Witness]) -> f32 {
+    /// left, if that is more; or from a position that is left. The triangle nearest to the farthest of them remembers it.
+    fn distance_to_rest(&mut self, gone: &[Witness], stays: Option<u32>) -> f32 {
         let mut farthest = (0.0, None);
         let mut error = self.error;
         for &witness in gone {
             let point = self.evaluator.ring.witness_point(witness);
-            let found = self.nearest_left(point, [f32::INFINITY, error], self.piece_looks);
-            self.piece_looks = self.piece_looks.saturating_sub(found.opened);
-            error = error.max(found.squared.sqrt());
-            if found.squared > farthest.0 {
-                farthest = (found.squared, found.triangle.map(|triangle| (triangle, witness)));
+            let most = stays.map_or(f32::INFINITY, |at| self.evaluator.ring.point(at).distance(point));
+            let (squared, triangle) = if most > error {
+                let found = self.nearest_left(point, [most, error], self.piece_looks);
+                self.piece_looks = self.piece_looks.saturating_sub(found.opened);
+                (found.squared, found.triangle.map(|triangle| self.left[triangle]))
+            } else {
+                (most * most, None)
+            };
+            error = error.max(squared.sqrt());
+            if squared > farthest.0 {
+                let beside = || Some(self.mesh.faces(stays?).next()?.triangle());
+                farthest = (squared, triangle.or_else(beside).map(|triangle| (triangle, witness)));
             }
         }
         if let (squared, Some((triangle, witness))) = farthest
             && squared > (NOTABLE * error).powi(2)
         {
-            self.hand_on(self.left[triangle], witness, squared);
+            self.hand_on(triangle, witness, squared);
         }
         error
     }

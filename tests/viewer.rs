@@ -643,6 +643,31 @@ fn the_first_budget_follows_the_card_and_a_chosen_one_is_kept() {
 }
 
 #[test]
+fn escape_closes_what_is_on_top_and_a_right_click_opens_a_menu() {
+    let Some(gpu) = gpu("escape_closes_what_is_on_top_and_a_right_click_opens_a_menu") else { return };
+    let mut desk = Desk::with_engine(&gpu);
+    desk.act(Action::SelectAll);
+    let all = desk.selected();
+    assert!(all > 0);
+    desk.press(Modifiers::NONE, Key::F1);
+    desk.harness.step();
+    assert!(desk.harness.query_all_by_label("Keys and mouse").count() > 0);
+    desk.press(Modifiers::NONE, Key::Escape);
+    desk.harness.step();
+    assert!(desk.harness.query_all_by_label("Keys and mouse").count() == 0 && desk.selected() == all);
+    desk.act(Action::Measure);
+    desk.press(Modifiers::NONE, Key::Escape);
+    assert_eq!((desk.app().tool, desk.selected()), (Tool::Hand, all));
+    desk.harness.get_by_label("Picture of the model").click_secondary();
+    desk.harness.run_steps(2);
+    desk.harness.get_by_label_contains("Hide selected").click();
+    desk.harness.run_steps(2);
+    assert_eq!(desk.hidden(), all, "the menu hides what is selected");
+    desk.press(Modifiers::NONE, Key::Escape);
+    assert_eq!(desk.selected(), 0);
+}
+
+#[test]
 fn tab_hides_and_shows_the_panels_and_takes_no_key_away() {
     let Some(gpu) = gpu("tab_hides_and_shows_the_panels_and_takes_no_key_away") else { return };
     let mut desk = Desk::with_engine(&gpu);

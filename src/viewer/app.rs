@@ -245,6 +245,9 @@ impl App {
         if let Some(file) = dropped {
             self.open(&file);
         }
+        if self.closes_by_escape(context) {
+            return;
+        }
         if self.palette.is_none() && self.dialog.is_none() && self.tool != Tool::Fly {
             actions::pressed(context).into_iter().for_each(|action| self.act(action));
         } else if self.tool == Tool::Fly {
@@ -253,6 +256,25 @@ impl App {
             });
             self.tool = if is_over { Tool::Hand } else { self.tool };
         }
+    }
+
+    /// Escape closes what is open on top, before it means anything else; says whether that is so.
+    fn closes_by_escape(&mut self, context: &egui::Context) -> bool {
+        if !context.input(|input| input.key_pressed(egui::Key::Escape)) || context.egui_wants_keyboard_input()
+        {
+            return false;
+        }
+        if egui::Popup::is_any_open(context) {
+            // It closes itself.
+            return true;
+        }
+        let is_window_open = self.shows_keys || self.shows_about;
+        (self.shows_keys, self.shows_about) = (false, false);
+        let was_measuring = !is_window_open && self.tool == Tool::Measure;
+        if was_measuring {
+            self.tool = Tool::Hand;
+        }
+        is_window_open || was_measuring
     }
 
     fn menu_bar(&mut self, ui: &mut Ui) {
@@ -305,6 +327,9 @@ impl App {
         }
         if let Some(want) = asked.want {
             self.ask_for_file(want);
+        }
+        if let Some(action) = asked.act {
+            self.act(action);
         }
         if let Some(why) = self.layout.route.failure() {
             self.messages.fail(Attempt::Other, why);

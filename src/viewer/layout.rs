@@ -76,6 +76,8 @@ pub struct Asked {
     pub caps_changed: bool,
     /// A file is wanted.
     pub want: Option<Want>,
+    /// Something else is asked for.
+    pub act: Option<Action>,
     /// To be said.
     pub said: Vec<String>,
     /// To be said until it was seen.
@@ -274,7 +276,8 @@ struct Panels<'a> {
 impl Panels<'_> {
     fn picture(&mut self, ui: &mut Ui) {
         let habits = (self.tool, self.settings.mouse);
-        let area = self.picture.show(ui, self.document, self.texture, habits);
+        let (area, chosen) = self.picture.show(ui, self.document, self.texture, habits);
+        self.asked.act = chosen;
         let turned = self.document.navigation.camera().world_from_view;
         match gizmo::show(ui, area, turned, self.settings.up) {
             Some(gizmo::GizmoEvent::View(view)) => self.document.view(view),

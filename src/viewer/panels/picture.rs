@@ -6,6 +6,7 @@ use egui::{
 };
 use glam::DVec2;
 
+use crate::viewer::actions::{self, ENTRIES, Menu};
 use crate::viewer::document::Document;
 use crate::viewer::mouse::{Action, Button, Gesture, Hand, Modifiers, Preset};
 use crate::viewer::navigation::{FlyKeys, Input};
@@ -40,18 +41,34 @@ impl Default for PicturePanel {
     }
 }
 
+/// What a right click on the picture offers: what is done to what is selected.
+fn menu(ui: &mut Ui) -> Option<actions::Action> {
+    let offered = ENTRIES
+        .iter()
+        .filter(|entry| entry.menu == Menu::Edit || entry.action == actions::Action::FitSelection);
+    let mut chosen = None;
+    for entry in offered {
+        let button = egui::Button::new(entry.name).shortcut_text(entry.key_text(ui.ctx()));
+        if ui.add(button).clicked() {
+            chosen = Some(entry.action);
+            ui.close();
+        }
+    }
+    chosen
+}
+
 /// Steps of the wheel in the interface's units of scrolling.
 const SCROLL_STEP: f64 = 50.0;
 
 impl PicturePanel {
-    /// Shows the picture and moves the camera; gives the area that it covers.
+    /// Shows the picture and moves the camera; gives the area that it covers, and what was chosen in the menu of a right click.
     pub fn show(
         &mut self,
         ui: &mut Ui,
         document: &mut Document,
         texture: Option<TextureId>,
         (tool, preset): (Tool, Preset),
-    ) -> Rect {
+    ) -> (Rect, Option<actions::Action>) {
         let (area, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
         let scale = ui.ctx().pixels_per_point();
         (self.area, self.scale, self.hand.preset) = (area, f64::from(scale), preset);
@@ -69,7 +86,9 @@ impl PicturePanel {
         response.widget_info(|| {
             egui::WidgetInfo::labeled(egui::accesskit::Role::Image, true, "Picture of the model")
         });
-        area
+        let mut chosen = None;
+        response.context_menu(|ui| chosen = menu(ui));
+        (area, chosen)
     }
 
     fn pixel(&self, at: Pos2) -> DVec2 {

@@ -38,6 +38,7 @@ pub use part_report::PartReport;
 pub use report::{BakeReport, StalledPart, WholeReport};
 pub use source::{Loaded, MeshOutline, MeshSource, Outline};
 pub use welded::Welded;
+pub use work::folder_for;
 
 use file_boundary::open_vertices;
 use gate::Gate;

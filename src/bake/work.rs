@@ -34,8 +34,8 @@ struct Done {
     unflushed: u64,
 }
 
-/// The work folder of an output.
-pub(super) fn folder_for(output: &Path) -> PathBuf {
+/// The folder in which a bake keeps what is done of an output; it is there while there is something to go on with.
+pub fn folder_for(output: &Path) -> PathBuf {
     let mut name = output.file_name().unwrap_or_default().to_owned();
     name.push(".bake");
     output.with_file_name(name)

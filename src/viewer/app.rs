@@ -19,6 +19,8 @@ use super::panels::paths::{self, PathDialog, Want};
 use super::panels::picture::Tool;
 use super::panels::start;
 use super::settings::{Settings, Store, Theme, first_budget};
+use crate::bake;
+use crate::bake::beside::{Beside, beside};
 use crate::gpu::Gpu;
 use crate::gpu::target::Target;
 use crate::passes::draw::Edges;
@@ -139,10 +141,10 @@ impl App {
 
     fn poll_loader(&mut self) {
         let Some(finished) = self.loader.as_mut().and_then(Loader::finished) else { return };
-        self.loader = None;
+        let file = self.loader.take().map(|loader| loader.file().to_owned()).unwrap_or_default();
         let loaded = match finished {
             Ok(Some(loaded)) => loaded,
-            Ok(None) => return self.messages.say("Stopped. What was done is kept and goes on next time."),
+            Ok(None) => return self.messages.say(stopped(&file)),
             Err(why) => return self.messages.fail(Attempt::Open, why),
         };
         self.messages.done(Attempt::Open);
@@ -466,5 +468,16 @@ impl App {
             }
             action => self.layout.act(document, action),
         }
+    }
+}
+
+/// What a stop leaves of a file that was being opened.
+fn stopped(file: &Path) -> &'static str {
+    let is_kept =
+        matches!(beside(file), Ok(Beside::ToBake(container)) if bake::folder_for(&container).is_dir());
+    if is_kept {
+        "Stopped. What was done is kept and goes on next time."
+    } else {
+        "Stopped. Nothing was written."
     }
 }

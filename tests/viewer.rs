@@ -668,6 +668,24 @@ fn escape_closes_what_is_on_top_and_a_right_click_opens_a_menu() {
 }
 
 #[test]
+fn the_key_sheet_fits_a_small_window() {
+    let Some(gpu) = gpu("the_key_sheet_fits_a_small_window") else { return };
+    let mut desk = Desk::with_engine(&gpu);
+    for width in [640.0, 1280.0] {
+        desk.harness.set_size(Vec2::new(width, 480.0));
+        desk.press(Modifiers::NONE, Key::F1);
+        desk.harness.run_steps(3);
+        for label in ["Open…", "Hide selected", "Fit all"] {
+            let rows: Vec<_> = desk.harness.query_all_by_label(label).map(|node| node.rect()).collect();
+            assert!(!rows.is_empty(), "{label}");
+            assert!(rows.iter().all(|row| row.min.x >= 0.0 && row.max.x <= width), "{label}: {rows:?}");
+        }
+        desk.press(Modifiers::NONE, Key::Escape);
+        desk.harness.run_steps(2);
+    }
+}
+
+#[test]
 fn tab_hides_and_shows_the_panels_and_takes_no_key_away() {
     let Some(gpu) = gpu("tab_hides_and_shows_the_panels_and_takes_no_key_away") else { return };
     let mut desk = Desk::with_engine(&gpu);

@@ -259,3 +259,40 @@ fn files_that_a_model_refers_to_are_named_when_they_are_missing() {
     let report = baked("model.obj", format!("mtllib none.mtl\n{TRIANGLE}"));
     assert!(notes(&report).contains("none.mtl"), "{report}");
 }
+
+/// A GLB file with another text.
+fn with_text(glb: &[u8], change: impl FnOnce(&mut serde_json::Value)) -> Vec<u8> {
+    let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+    let mut json: serde_json::Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();
+    change(&mut json);
+    let mut text = serde_json::to_vec(&json).unwrap();
+    text.resize(text.len().next_multiple_of(4), b' ');
+    let rest = &glb[20 + length..];
+    let all = 20 + text.len() + rest.len();
+    let mut made = b"glTF\x02\0\0\0".to_vec();
+    made.extend((all as u32).to_le_bytes());
+    made.extend((text.len() as u32).to_le_bytes());
+    made.extend(b"JSON");
+    made.extend(text);
+    made.extend(rest);
+    made
+}
+
+#[test]
+fn what_would_bend_or_repeat_a_mesh_is_noted() {
+    let place = Workplace::new();
+    let plain = glb(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[0, 1, 2], 4);
+    let bent = with_text(&plain, |json| {
+        json["nodes"][0]["skin"] = 0.into();
+        json["meshes"][0]["weights"] = serde_json::json!([1.0]);
+        json["meshes"][0]["primitives"][0]["targets"] = serde_json::json!([{ "POSITION": 0 }]);
+        json["extensionsUsed"] = serde_json::json!(["EXT_mesh_gpu_instancing"]);
+    });
+    place.write("plain.glb", plain);
+    place.write("bent.glb", bent);
+    assert_eq!(place.bake("plain.glb", "plain.clps")["notes"], serde_json::json!([]));
+    let notes = place.bake("bent.glb", "bent.clps")["notes"].to_string();
+    for word in ["skins are not read", "morph targets are not read", "EXT_mesh_gpu_instancing"] {
+        assert!(notes.contains(word), "no {word} in {notes}");
+    }
+}

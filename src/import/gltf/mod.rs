@@ -19,7 +19,7 @@ mod materials;
 mod nodes;
 
 use ::gltf::json::Root;
-use ::gltf::json::mesh::Primitive;
+use ::gltf::json::mesh::{Mesh, Primitive};
 use rustc_hash::FxHashMap;
 
 use super::input::Input;
@@ -57,6 +57,9 @@ pub(super) fn read(input: &Input<'_>, shelf: Shelf) -> Result<Model<Shelf>, Prob
     Importer::new(&document.root, &buffers, materials, shelf).import(placed, &release)
 }
 
+/// The extension that places a node's mesh several times.
+const INSTANCING: &str = "EXT_mesh_gpu_instancing";
+
 struct Importer<'a> {
     root: &'a Root,
     geometry: Geometry<'a>,
@@ -79,6 +82,10 @@ impl<'a> Importer<'a> {
 
     /// Places the primitives of every node's mesh; `release` is called now and then.
     fn import(mut self, placed: Vec<Placed>, release: &dyn Fn()) -> Result<Model<Shelf>, Problem> {
+        if self.root.extensions_used.iter().any(|name| name == INSTANCING) {
+            let what = "extensions are not read that place meshes several times";
+            self.notes.count(what, 1, || quoted(INSTANCING));
+        }
         let mut read = 0;
         for (number, node) in placed.into_iter().enumerate() {
             self.place_mesh(number as u32, &node)?;
@@ -108,6 +115,7 @@ impl<'a> Importer<'a> {
             return Ok(());
         }
         let part = mesh.name.as_ref().filter(|own| !own.is_empty()).unwrap_or(name);
+        self.note_what_moves(placed, mesh);
         check_instance_count(self.model.instances.len() + mesh.primitives.len())?;
         let new = self.model.meshes.len();
         let mut body = index_of(new)?;
@@ -123,6 +131,19 @@ impl<'a> Importer<'a> {
         }
         self.model.meshes.meshes_mut()[new..].iter_mut().for_each(|mesh| mesh.body = body);
         Ok(())
+    }
+
+    /// Notes what would bend a mesh: parts of an assembly are rigid.
+    fn note_what_moves(&mut self, placed: &Placed, mesh: &Mesh) {
+        let name = || quoted(&placed.node.name);
+        if placed.has_skin {
+            self.notes.count("meshes stay as their files have them, for skins are not read", 1, name);
+        }
+        let mut weights = placed.weights.iter().chain(&mesh.weights).flatten();
+        let has_targets = mesh.primitives.iter().any(|primitive| primitive.targets.is_some());
+        if has_targets && weights.any(|&weight| weight != 0.0) {
+            self.notes.count("meshes stay as their files have them, for morph targets are not read", 1, name);
+        }
     }
 
     /// The mesh of a primitive: the same one for all primitives made of the same accessors.

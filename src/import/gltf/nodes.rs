@@ -12,6 +12,10 @@ pub struct Placed {
     pub node: Node,
     /// The mesh that it places, an index into the document's table, not checked.
     pub mesh: Option<usize>,
+    /// Whether bones move its mesh.
+    pub has_skin: bool,
+    /// How much of each morph target its mesh has, if it says so itself.
+    pub weights: Option<Vec<f32>>,
     /// Node space to world space; may be anything, also not finite.
     pub world: DAffine3,
 }
@@ -39,6 +43,8 @@ pub fn walk(root: &Root) -> Result<Vec<Placed>, Problem> {
         placed.push(Placed {
             node: Node { name: node.name.clone().unwrap_or_default(), parent },
             mesh: node.mesh.map(|mesh| mesh.value()),
+            has_skin: node.skin.is_some(),
+            weights: node.weights.clone(),
             world: above * local_transform(node),
         });
     }

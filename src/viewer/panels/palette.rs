@@ -96,14 +96,21 @@ fn row(ui: &mut Ui, entry: &Entry, is_chosen: bool) -> egui::Response {
     ui.add_sized([ui.available_width(), 22.0], button)
 }
 
+/// The key sheet keeps so far from the sides of the window.
+const KEYS_MARGIN: f32 = 24.0;
+/// Two columns of keys take so much.
+const TWO_COLUMNS: f32 = 820.0;
+
 /// Shows all keys by menu, and what the mouse does; says whether it stays open.
 pub fn show_keys(context: &egui::Context, mouse: &[(String, String)]) -> bool {
     let mut is_open = true;
-    let window = egui::Window::new("Keys and mouse").open(&mut is_open).collapsible(false);
+    let room = context.content_rect().width() - 2.0 * KEYS_MARGIN;
+    let count = if room < TWO_COLUMNS { 1 } else { 2 };
+    let window = egui::Window::new("Keys and mouse").open(&mut is_open).collapsible(false).max_width(room);
     window.anchor(Align2::CENTER_CENTER, [0.0, 0.0]).vscroll(true).show(context, |ui| {
-        ui.columns(2, |columns| {
+        ui.columns(count, |columns| {
             for (number, menu) in Menu::ALL.into_iter().enumerate() {
-                key_table(&mut columns[usize::from(number >= 2)], menu);
+                key_table(&mut columns[usize::from(number >= 2).min(count - 1)], menu);
             }
             columns[0].heading("Mouse");
             pairs(&mut columns[0], "mouse", mouse);

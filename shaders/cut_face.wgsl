@@ -32,7 +32,7 @@ fn cut_face_vertex(@location(0) active_vertex: vec4<u32>) -> Corner {
 }
 
 fn is_seen_from_within(look: u32, front: bool) -> bool {
-    return (look & LOOK_CLOSED) != 0u && front == ((look & LOOK_INSIDE_OUT) != 0u);
+    return front == ((look & LOOK_INSIDE_OUT) != 0u);
 }
 
 fn counted(corner: Corner, front: bool) -> vec4<f32> {
@@ -64,17 +64,31 @@ fn empty_fragment(backdrop: Backdrop) -> @builtin(sample_mask) u32 {
     return samples_within(backdrop.clip.xy);
 }
 
-// Where the line of sight to a point came in.
-struct Entry {
-    section: u32,
-    relative: vec3<f32>,
+// The section that the line of sight to a point came in by last. It came in by some, or nothing of this is drawn.
+fn entry_before(relative: vec3<f32>) -> u32 {
+    var least = NONE_ENTERS;
+    var entry = 0u;
+    for (var i = 0u; i < frame.section_count; i += 1u) {
+        let before = dot(frame.entries[i].xyz, relative) + frame.entries[i].w;
+        entry = select(entry, i, before < least);
+        least = min(least, before);
+    }
+    return entry;
 }
 
-fn entry_to(relative: vec3<f32>) -> Entry {
-    // Some section is entered by, or nothing of this is drawn.
-    let section = min(entry_before(relative), MOST_SECTIONS - 1u);
+// Where the line of sight to a point came in.
+fn entry_to(relative: vec3<f32>) -> vec3<f32> {
+    let plane = frame.sections[entry_before(relative)];
     let to_eye = to_eye_from(relative);
-    return Entry(section, relative + to_eye * back_to(section, relative, to_eye));
+    let back = (dot(plane.xyz, relative) + plane.w) / -dot(plane.xyz, to_eye);
+    return relative + to_eye * max(back, 0.0);
+}
+
+// The colour of a cut face at a pixel: lines at 45 degrees, as on a drawing.
+fn hatched(colour: vec3<f32>, pixel: vec2<f32>) -> vec3<f32> {
+    let across = fract((pixel.x + pixel.y) / 9.0);
+    let line = 1.0 - smoothstep(0.08, 0.2, abs(across - 0.5));
+    return mix(colour, colour * 0.45, 0.55 * line);
 }
 
 // The samples of a pixel whose lines of sight come in before they have left by any section, a bit each; `right` and `down`
@@ -83,7 +97,7 @@ fn samples_come_in(relative: vec3<f32>, right: vec3<f32>, down: vec3<f32>) -> u3
     var samples = 0u;
     for (var i = 0u; i < SAMPLES; i += 1u) {
         let offset = select(vec3<f32>(0.0), (right * SAMPLES_X[i] + down * SAMPLES_Y[i]) / 16.0, SAMPLES == 4u);
-        let entry = entry_to(relative + offset).relative;
+        let entry = entry_to(relative + offset);
         var least = 3e38;
         for (var k = 0u; k < frame.section_count; k += 1u) {
             let distance = dot(frame.sections[k].xyz, entry) + frame.sections[k].w;
@@ -117,7 +131,7 @@ fn painted(corner: Corner, samples: u32) -> CutPixel {
     if samples == 0u {
         return CutPixel(vec4<f32>(0.0), 0u);
     }
-    let normal = -frame.sections[entry_to(corner.relative).section].xyz;
+    let normal = -frame.sections[entry_before(corner.relative)].xyz;
     return CutPixel(lit(hatched(corner.colour, corner.clip.xy), normal, to_eye_from(corner.relative)), samples);
 }
 
@@ -165,8 +179,7 @@ fn entry_of(place: vec2<f32>) -> vec3<f32> {
         start = rows[0].xyz * (place.x - rows[0].w) / dot(rows[0].xyz, rows[0].xyz)
             + rows[1].xyz * (place.y - rows[1].w) / dot(rows[1].xyz, rows[1].xyz);
     }
-    let section = min(entry_before(start + along), MOST_SECTIONS - 1u);
-    let plane = frame.sections[section];
+    let plane = frame.sections[entry_before(start + along)];
     return start - along * (dot(plane.xyz, start) + plane.w) / dot(plane.xyz, along);
 }
 
@@ -179,6 +192,6 @@ struct PickedCutFace {
 fn pick_cut_face_fragment(corner: Corner, @builtin(front_facing) front: bool) -> PickedCutFace {
     let entered = entered_samples(corner.relative);
     let samples = samples_of_cut_face(corner, front, entered, vec3<f32>(0.0), vec3<f32>(0.0));
-    let point = bitcast<vec3<u32>>(entry_to(corner.relative).relative);
+    let point = bitcast<vec3<u32>>(entry_to(corner.relative));
     return PickedCutFace(vec4<u32>(corner.number + 1u, point), samples);
 }

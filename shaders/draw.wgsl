@@ -242,8 +242,8 @@ fn cut_fragment(corner: Corner) -> CutPixel {
 fn edged_cut_fragment(corner: EdgedCorner) -> CutPixel {
     let kept = kept_samples(corner.relative);
     let cover = line_cover(corner.place, corner.lines);
-    let lit = lined(shaded(corner.relative, corner.normal, corner.colour), cover);
-    return cut(lit, kept, corner.look, corner.clip.xy);
+    let surface = lined(shaded(corner.relative, corner.normal, corner.colour), cover);
+    return cut(surface, kept, corner.look, corner.clip.xy);
 }
 
 // A box: corner `index` of the 36 of the unit cube's triangles, two a face, placed by a row.

@@ -182,7 +182,7 @@ impl Renderer {
         }
         let batches = drawn(&self.batches, None);
         let list = DrawList { asked: self.asked(), batches: &batches, boxes: self.boxes.drawn() };
-        let pass = match &self.pick {
+        let pass = match &mut self.pick {
             Some(pass) => pass,
             None => self.pick.insert(PickPass::new(&self.gpu)?),
         };

@@ -5,8 +5,7 @@
 //! takes part, so that a frame whose sections cut a few instances of a large model pays for those alone.
 
 use super::draw::{
-    CLIPPED_SHADER, Cut, DrawList, SHADER as DRAW_SHADER, active_vertices, bind_texture, depth_state,
-    draw_batch, module,
+    CLIPPED_SHADER, Cut, DrawList, SHADER as DRAW_SHADER, active_vertices, depth_state, draw_batch, module,
 };
 use crate::gpu::target::{TargetError, check_memory};
 
@@ -176,7 +175,14 @@ impl CutFacePass {
             })
         })?;
         let view = texture.create_view(&Default::default());
-        let group = bind_texture(device, "cut_face counts", &self.counts_layout, &view);
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("cut_face counts"),
+            layout: &self.counts_layout,
+            entries: &[wgpu::BindGroupEntry {
+                binding: 0,
+                resource: wgpu::BindingResource::TextureView(&view),
+            }],
+        });
         self.counts = Some(Counts { size, view, group });
         Ok(())
     }
@@ -265,11 +271,8 @@ fn added_counts() -> wgpu::ColorTargetState {
 
 /// Draws what sections cut.
 fn draw_cut(pass: &mut wgpu::RenderPass<'_>, list: &DrawList<'_>) {
-    for batch in list.batches {
-        let ranges = batch.cut_ranges();
-        if ranges.is_none_or(|ranges| !ranges.is_empty()) {
-            draw_batch(pass, batch, ranges);
-        }
+    for batch in list.batches.iter().filter(|batch| batch.is_cut()) {
+        draw_batch(pass, batch, batch.ranges_of(true));
     }
 }
 

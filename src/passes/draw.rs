@@ -80,13 +80,13 @@ pub struct Ranges {
 }
 
 impl DrawBatch<'_> {
-    /// What of it sections cut; `None` is all of it.
-    pub(super) fn cut_ranges(&self) -> Option<&[Range<u32>]> {
-        self.ranges_of(true)
+    /// Whether sections cut any of it.
+    pub(super) fn is_cut(&self) -> bool {
+        self.ranges_of(true).is_none_or(|ranges| !ranges.is_empty())
     }
 
     /// What of it is drawn in that way; `None` is all of it, by the indirect draw.
-    fn ranges_of(&self, is_cut: bool) -> Option<&[Range<u32>]> {
+    pub(super) fn ranges_of(&self, is_cut: bool) -> Option<&[Range<u32>]> {
         self.ranges.map(|ranges| if is_cut { ranges.cut.as_slice() } else { ranges.kept.as_slice() })
     }
 }
@@ -308,7 +308,7 @@ const CUT_FACES: Paint = Paint {
 impl DrawList<'_> {
     /// Whether sections cut any of it.
     fn has_cut(&self) -> bool {
-        self.batches.iter().any(|batch| batch.cut_ranges().is_none_or(|ranges| !ranges.is_empty()))
+        self.batches.iter().any(DrawBatch::is_cut)
     }
 }
 
@@ -413,17 +413,6 @@ pub(super) fn bind(
         .map(|(binding, buffer)| wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() })
         .collect();
     device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries })
-}
-
-/// Binds a texture alone.
-pub(super) fn bind_texture(
-    device: &wgpu::Device,
-    label: &str,
-    layout: &wgpu::BindGroupLayout,
-    view: &wgpu::TextureView,
-) -> wgpu::BindGroup {
-    let entry = wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(view) };
-    device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &[entry] })
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::cut_face::{CutFacePass, Paint};
 use super::draw::{
     DrawList, FrameUniform, InstanceRow, LookRow, SHADER as DRAW_SHADER, active_vertices, bind, depth_state,
-    draw_batch, draw_boxes, frame_buffer, layout,
+    draw_batch, draw_boxes, frame_buffer, layout, module,
 };
 use crate::gpu::target::{DEPTH_FORMAT, attached_depth};
 use crate::gpu::{Gpu, GpuError, readback};
@@ -41,7 +41,9 @@ pub struct Picked {
 pub struct PickPass {
     scene: wgpu::RenderPipeline,
     boxes: wgpu::RenderPipeline,
-    cut_face: CutFacePass,
+    /// Made when there is something to close.
+    cut_face: Option<CutFacePass>,
+    layouts: [wgpu::BindGroupLayout; 2],
     frame: wgpu::Buffer,
     frame_group: wgpu::BindGroup,
     pixel: wgpu::Texture,
@@ -63,16 +65,11 @@ impl PickPass {
         let of_frame = layout(device, "pick frame", Stages::VERTEX_FRAGMENT, &[uniform]);
         let tables = [table(size_of::<InstanceRow>()), table(size_of::<LookRow>())];
         let instances = layout(device, "draw instances", Stages::VERTEX, &tables);
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("pick"),
-            source: wgpu::ShaderSource::Wgsl(shader().into()),
-        });
+        let module = module(device, "pick", &shader());
         let groups = [Some(&of_frame), Some(&instances)];
         let frame = frame_buffer(device, "pick frame");
-        let mut cut_face = CutFacePass::new(device, 1, CUT_FACES, [&of_frame, &instances]);
-        cut_face.prepare(device, [1, 1]).map_err(|_| GpuError::OutOfMemory)?;
         Ok(Self {
-            cut_face,
+            cut_face: None,
             scene: pipeline(device, &module, &groups, "draw_vertex", &[Some(active_vertices())]),
             boxes: pipeline(device, &module, &groups, "box_vertex", &[]),
             frame_group: bind(device, "pick frame", &of_frame, &[&frame]),
@@ -80,19 +77,26 @@ impl PickPass {
             pixel: one_pixel(device, "picked", FORMAT),
             depth: one_pixel(device, "pick depth", DEPTH_FORMAT),
             copied: gpu.buffer("picked", 16, Usage::COPY_SRC | Usage::COPY_DST)?,
+            layouts: [of_frame, instances],
         })
     }
 
     /// What is in one pixel of the frame. Waits for the GPU.
     ///
     /// # Errors
-    /// The device is lost.
+    /// The device is lost, or there is no memory for what closes sections.
     pub fn pick(
-        &self,
+        &mut self,
         gpu: &Gpu,
         frame: &FrameUniform,
         list: &DrawList<'_>,
     ) -> Result<Option<Picked>, GpuError> {
+        if list.asked.cut_faces && self.cut_face.is_none() {
+            let [of_frame, instances] = &self.layouts;
+            let mut cut_face = CutFacePass::new(&gpu.device, 1, CUT_FACES, [of_frame, instances]);
+            cut_face.prepare(&gpu.device, [1, 1]).map_err(|_| GpuError::OutOfMemory)?;
+            self.cut_face = Some(cut_face);
+        }
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
         let mut encoder = gpu.encoder("pick");
         self.record(&mut encoder, list);
@@ -128,9 +132,9 @@ impl PickPass {
             pass.set_pipeline(&self.boxes);
             draw_boxes(&mut pass, list);
         }
-        if list.asked.cut_faces {
+        if let Some(cut_face) = self.cut_face.as_ref().filter(|_| list.asked.cut_faces) {
             let attachments = (colour(wgpu::LoadOp::Load), attached_depth(&depth, wgpu::LoadOp::Load, false));
-            self.cut_face.record(encoder, &self.frame_group, list, attachments, None);
+            cut_face.record(encoder, &self.frame_group, list, attachments, None);
         }
     }
 }

@@ -217,6 +217,11 @@ impl Entry {
     pub fn key_text(&self, context: &egui::Context) -> String {
         self.key.map_or(String::new(), |key| context.format_shortcut(&key))
     }
+
+    /// The button of a menu for it.
+    pub fn button(&self, context: &egui::Context) -> egui::Button<'static> {
+        egui::Button::new(self.name).shortcut_text(self.key_text(context))
+    }
 }
 
 /// What keys that nobody types text with ask for, in the order in which they were pressed. What comes after one that opens

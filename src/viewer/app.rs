@@ -286,7 +286,7 @@ impl App {
                 ui.menu_button(menu.name(), |ui| {
                     for entry in ENTRIES.iter().filter(|entry| entry.menu == menu) {
                         let is_enabled = self.document.is_some() || !entry.needs_model;
-                        let button = egui::Button::new(entry.name).shortcut_text(entry.key_text(ui.ctx()));
+                        let button = entry.button(ui.ctx());
                         if ui.add_enabled(is_enabled, button).clicked() {
                             chosen = Some(entry.action);
                         }

@@ -90,17 +90,16 @@ impl Messages {
 
 /// One message; says whether it was clicked away.
 fn row(ui: &mut egui::Ui, message: &Message) -> bool {
-    let colour = if message.failed.is_some() {
-        Color32::from_rgb(200, 60, 50)
-    } else {
-        Color32::from_rgb(60, 120, 190)
+    let (sign, colour) = match message.failed {
+        Some(_) => ("⚠", Color32::from_rgb(200, 60, 50)),
+        None => ("ℹ", Color32::from_rgb(60, 120, 190)),
     };
     let frame = Frame::popup(ui.style()).stroke(Stroke::new(1.5, colour));
     frame
         .show(ui, |ui| {
             ui.set_max_width(560.0);
             ui.horizontal_wrapped(|ui| {
-                ui.label(RichText::new(if message.failed.is_some() { "⚠" } else { "ℹ" }).color(colour));
+                ui.label(RichText::new(sign).color(colour));
                 ui.label(&message.text);
                 ui.small_button("✖").on_hover_text("Seen").clicked()
             })

@@ -91,8 +91,7 @@ impl Palette {
 }
 
 fn row(ui: &mut Ui, entry: &Entry, is_chosen: bool) -> egui::Response {
-    let key = entry.key_text(ui.ctx());
-    let button = egui::Button::new(entry.name).selected(is_chosen).shortcut_text(key);
+    let button = entry.button(ui.ctx()).selected(is_chosen);
     ui.add_sized([ui.available_width(), 22.0], button)
 }
 

@@ -48,8 +48,7 @@ fn menu(ui: &mut Ui) -> Option<actions::Action> {
         .filter(|entry| entry.menu == Menu::Edit || entry.action == actions::Action::FitSelection);
     let mut chosen = None;
     for entry in offered {
-        let button = egui::Button::new(entry.name).shortcut_text(entry.key_text(ui.ctx()));
-        if ui.add(button).clicked() {
+        if ui.add(entry.button(ui.ctx())).clicked() {
             chosen = Some(entry.action);
             ui.close();
         }

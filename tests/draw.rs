@@ -107,6 +107,7 @@ fn draw(gpu: &TestDevice, scene: &Scene, samples: u32, mode: Mode) -> Target {
         indirect: &buffer(gpu, arguments.as_bytes(), usages | wgpu::BufferUsages::INDIRECT),
         indirect_offset: 0,
         ranges: None,
+        cut_faces: None,
     };
     let mut encoder = gpu.device.create_command_encoder(&Default::default());
     let list = DrawList { asked: Asked::default(), batches: &[batch], boxes: None };

@@ -174,11 +174,33 @@ fn hiding_and_colouring_send_no_geometry_and_take_one_frame() {
 #[test]
 fn sections_cut_and_close_what_they_cut_at_any_level_of_detail() {
     let Some(gpu) = gpu("sections_cut_and_close_what_they_cut_at_any_level_of_detail") else { return };
-    let plain = Gpu::new(&GpuOptions { plain: true, ..GpuOptions::default() }).unwrap();
-    assert!(!plain.device.features().contains(wgpu::Features::CLIP_DISTANCES));
-    for gpu in [gpu, Arc::new(plain)] {
+    for gpu in [gpu, without(wgpu::Features::CLIP_DISTANCES)] {
         sections_are_closed(&gpu);
     }
+}
+
+/// A device that lacks something.
+fn without(features: wgpu::Features) -> Arc<Gpu> {
+    let gpu = Gpu::new(&GpuOptions { without: features, ..GpuOptions::default() }).unwrap();
+    assert!(!gpu.device.features().intersects(features));
+    Arc::new(gpu)
+}
+
+#[test]
+fn without_a_stencil_sections_cut_and_leave_open_what_they_cut() {
+    let Some(gpu) = gpu("without_a_stencil_sections_cut_and_leave_open_what_they_cut") else { return };
+    let scene = spheres(1);
+    let camera = front(&scene);
+    let [x, y] = pixel_of(&camera, DVec3::ZERO);
+    let section = Section { point: DVec3::new(0.0, 0.0, 0.01), normal: DVec3::NEG_Z };
+    let picked = [gpu, without(wgpu::Features::DEPTH32FLOAT_STENCIL8)].map(|gpu| {
+        let mut renderer = Renderer::new(gpu, Arc::clone(&scene), settings()).unwrap();
+        renderer.set_style(Style { sections: vec![section], depth_cue: 1.0, ..Style::default() });
+        settle(&mut renderer, &camera);
+        renderer.pick([x, y]).unwrap().unwrap().point.z
+    });
+    // The face of the cut, and the inner side of the back.
+    assert!((picked[0] - 0.01).abs() < 1e-3 && (picked[1] + 1.0).abs() < 1e-2, "{picked:?}");
 }
 
 fn sections_are_closed(gpu: &Arc<Gpu>) {
@@ -336,7 +358,7 @@ fn touching(turn: DQuat, mirrored: bool) -> Arc<Scene> {
 #[test]
 fn a_cut_face_hides_what_touches_its_part_from_behind() {
     let Some(gpu) = gpu("a_cut_face_hides_what_touches_its_part_from_behind") else { return };
-    let plain = Arc::new(Gpu::new(&GpuOptions { plain: true, ..GpuOptions::default() }).unwrap());
+    let plain = without(wgpu::Features::CLIP_DISTANCES);
     let turn = DQuat::from_euler(glam::EulerRot::XYZ, 0.31, 0.47, 0.11);
     for (gpu, samples) in [(&gpu, 1), (&gpu, 4), (&plain, 1)] {
         let perspective = Projection::Perspective(FRAC_PI_4);

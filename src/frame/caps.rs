@@ -119,7 +119,6 @@ impl Renderer {
             + self.wishes.gpu_bytes()
             + self.rebuild.size_bytes()
             + self.target.gpu_bytes()
-            + self.draw.gpu_bytes()
             + self.boxes.size_bytes()
     }
 

@@ -9,7 +9,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::geometry::Closure;
-use crate::passes::draw::{ROUNDING, Ranges, Section};
+use crate::passes::draw::{CutFaceRanges, ROUNDING, Ranges, Section, is_inside_out};
 use crate::scene::{InstanceBox, Scene};
 use crate::select::wish::has_bit;
 use crate::stream::State;
@@ -26,16 +26,28 @@ enum Fate {
     Gone,
 }
 
-/// What sections take away.
+/// What sections do to every instance.
 #[derive(Debug, Default)]
-pub(super) struct Taken {
-    sections: Vec<Section>,
+struct Fates {
     /// A bit for each instance of which everything goes; no bits without sections.
     gone: Vec<u64>,
     /// A bit for each of which some stays and some may go.
     cut: Vec<u64>,
+}
+
+/// What sections take away.
+#[derive(Debug, Default)]
+pub(super) struct Taken {
+    sections: Vec<Section>,
+    fates: Fates,
+    /// The sections that lines of sight come in by, a bit each.
+    entered: u32,
+    /// What those do, had they not the others beside them.
+    of_entered: Fates,
     /// By batch.
     ranges: Vec<Ranges>,
+    /// The same.
+    cut_faces: Vec<CutFaceRanges>,
     is_current: bool,
     /// The placements of closed parts that are cut into cells, once they have been looked for.
     closed_in_cells: Option<Vec<Range<u32>>>,
@@ -48,37 +60,36 @@ impl Taken {
             return false;
         }
         self.sections = sections.to_vec();
-        (self.gone, self.cut) = match sections {
-            [] => (Vec::new(), Vec::new()),
-            sections => scene.boxes().par_chunks(64).map(|boxes| bits(boxes, sections)).unzip(),
-        };
-        if !sections.is_empty() && scene.has_parents() {
-            self.cut_cells_together(scene);
-        }
+        self.fates = self.fates_by(sections, scene);
+        (self.entered, self.of_entered) = (0, Fates::default());
         self.is_current = false;
         true
     }
 
-    /// Where one cell of a closed part is cut, or one is kept and another gone, all cells of that placement count as cut: the
-    /// face of the cut is within a surface that they have together.
-    fn cut_cells_together(&mut self, scene: &Scene) {
-        let closed = self.closed_in_cells.take().unwrap_or_else(|| closed_in_cells(scene));
-        for cells in &closed {
-            let first = self.fate(cells.start);
-            if first == Fate::Cut || cells.clone().any(|cell| self.fate(cell) != first) {
-                for cell in cells.clone() {
-                    let (word, bit) = (cell as usize / 64, 1 << (cell % 64));
-                    self.gone[word] &= !bit;
-                    self.cut[word] |= bit;
-                }
-            }
+    /// Says which sections lines of sight come in by, a bit each.
+    pub fn enter(&mut self, entered: u32, scene: &Scene) {
+        if self.entered == entered {
+            return;
         }
-        self.closed_in_cells = Some(closed);
+        self.entered = entered;
+        let is_entered = |&(i, _): &(u32, &Section)| entered >> i & 1 != 0;
+        let sections: Vec<Section> =
+            (0..).zip(&self.sections).filter(is_entered).map(|(_, &section)| section).collect();
+        self.of_entered = self.fates_by(&sections, scene);
+        self.is_current = false;
+    }
+
+    fn fates_by(&mut self, sections: &[Section], scene: &Scene) -> Fates {
+        let mut fates = Fates::by(sections, scene);
+        if !sections.is_empty() && scene.has_parents() {
+            fates.cut_cells_together(self.closed_in_cells.get_or_insert_with(|| closed_in_cells(scene)));
+        }
+        fates
     }
 
     /// A bit for each instance of which nothing is left; no bits without sections.
     pub fn gone(&self) -> &[u64] {
-        &self.gone
+        &self.fates.gone
     }
 
     /// What the GPU holds is not what it was.
@@ -86,21 +97,55 @@ impl Taken {
         self.is_current = false;
     }
 
-    /// What is drawn of so many batches, given the instances that the GPU holds something of, ascending, and of all
+    /// Finds what is drawn of so many batches, given the instances that the GPU holds something of, ascending, and of all
     /// instances how much. Instances are dealt to the batches in turn.
-    pub fn ranges(&mut self, batches: usize, held: &[u32], states: &[State]) -> &[Ranges] {
-        if !self.is_current {
-            let of_batch = |batch: usize| {
-                let own = held.iter().filter(|&&instance| instance as usize % batches == batch);
-                ranges(own.map(|&instance| (self.fate(instance), states[instance as usize].triangles)))
-            };
-            self.ranges = (0..batches).map(of_batch).collect();
-            self.is_current = true;
+    pub fn find_ranges(&mut self, scene: &Scene, batches: usize, held: &[u32], states: &[State]) {
+        if std::mem::replace(&mut self.is_current, true) {
+            return;
         }
+        let own = |batch: usize| {
+            let own = held.iter().copied().filter(move |&instance| instance as usize % batches == batch);
+            own.map(|instance| (instance, states[instance as usize].triangles))
+        };
+        let of_batch =
+            |batch| ranges(own(batch).map(|(instance, triangles)| (self.fates.of(instance), triangles)));
+        self.ranges = (0..batches).map(of_batch).collect();
+        let stretches = |batch, inside_out| {
+            let is_needed = |instance| {
+                let has_face = self.of_entered.of(instance) == Fate::Cut;
+                has_face && facing(scene, instance) == Some(inside_out)
+            };
+            let needed = own(batch).map(|(instance, triangles)| (is_needed(instance), triangles));
+            stretches(needed, true).into_iter().filter(|(is_needed, _)| *is_needed).map(|(_, range)| range)
+        };
+        let of_batch = |batch| CutFaceRanges {
+            as_is: stretches(batch, false).collect(),
+            inside_out: stretches(batch, true).collect(),
+        };
+        self.cut_faces = (0..batches).map(of_batch).collect();
+    }
+
+    /// What is drawn, by batch.
+    pub fn ranges(&self) -> &[Ranges] {
         &self.ranges
     }
 
-    fn fate(&self, instance: u32) -> Fate {
+    /// What cut faces are made of, by batch.
+    pub fn cut_faces(&self) -> &[CutFaceRanges] {
+        &self.cut_faces
+    }
+}
+
+impl Fates {
+    fn by(sections: &[Section], scene: &Scene) -> Self {
+        if sections.is_empty() {
+            return Self::default();
+        }
+        let (gone, cut) = scene.boxes().par_chunks(64).map(|boxes| bits(boxes, sections)).unzip();
+        Self { gone, cut }
+    }
+
+    fn of(&self, instance: u32) -> Fate {
         let is_in = |bits: &[u64]| has_bit(bits, instance as usize);
         match (is_in(&self.gone), is_in(&self.cut)) {
             (true, _) => Fate::Gone,
@@ -108,6 +153,27 @@ impl Taken {
             (false, false) => Fate::Kept,
         }
     }
+
+    /// Where one cell of a closed part is cut, or one is kept and another gone, all cells of that placement count as cut: the
+    /// face of the cut is within a surface that they have together.
+    fn cut_cells_together(&mut self, closed: &[Range<u32>]) {
+        for cells in closed {
+            let first = self.of(cells.start);
+            if first == Fate::Cut || cells.clone().any(|cell| self.of(cell) != first) {
+                for cell in cells.clone() {
+                    let (word, bit) = (cell as usize / 64, 1 << (cell % 64));
+                    self.gone[word] &= !bit;
+                    self.cut[word] |= bit;
+                }
+            }
+        }
+    }
+}
+
+/// Whether an instance of a closed part is inside out.
+fn facing(scene: &Scene, instance: u32) -> Option<bool> {
+    let instance = &scene.instances()[instance as usize];
+    is_inside_out(scene.parts()[instance.part as usize].closure(), instance.transform())
 }
 
 /// The placements of closed parts that are cut into cells.
@@ -151,21 +217,11 @@ fn fate(of: &InstanceBox, sections: &[Section]) -> Fate {
     worst
 }
 
-/// The ranges of a batch, given the fates and triangles of its instances in their order. What is too little to be drawn
-/// apart counts as cut, which is right for any triangle.
+/// The ranges of a batch, given the fates and triangles of its instances in their order.
 fn ranges(instances: impl Iterator<Item = (Fate, u32)>) -> Ranges {
-    let all = joined(instances);
-    let total: u32 = all.iter().map(|(_, triangles)| triangles).sum();
-    let least = if all.len() <= MOST_STRETCHES as usize { 0 } else { 2 * total.div_ceil(MOST_STRETCHES) };
-    let coarser = all.into_iter().map(|(fate, triangles)| match triangles < least {
-        true => (Fate::Cut, triangles),
-        false => (fate, triangles),
-    });
     let mut found = Ranges::default();
-    let mut start = 0;
-    for (fate, triangles) in joined(coarser) {
-        let range = start..start + triangles;
-        start = range.end;
+    // To be cut is right for any triangle.
+    for (fate, range) in stretches(instances, Fate::Cut) {
         match fate {
             Fate::Kept => found.kept.push(range),
             Fate::Cut => found.cut.push(range),
@@ -175,9 +231,31 @@ fn ranges(instances: impl Iterator<Item = (Fate, u32)>) -> Ranges {
     found
 }
 
+/// The stretches of triangles of one fate, given the fates and triangles of instances in their order. What is too little to be
+/// drawn apart has the fate that is right for all.
+fn stretches<T: Copy + PartialEq>(
+    instances: impl Iterator<Item = (T, u32)>,
+    for_all: T,
+) -> Vec<(T, Range<u32>)> {
+    let all = joined(instances);
+    let total: u32 = all.iter().map(|(_, triangles)| triangles).sum();
+    let least = if all.len() <= MOST_STRETCHES as usize { 0 } else { 2 * total.div_ceil(MOST_STRETCHES) };
+    let coarser = all.into_iter().map(|(fate, triangles)| match triangles < least {
+        true => (for_all, triangles),
+        false => (fate, triangles),
+    });
+    let mut start = 0;
+    let placed = |(fate, triangles)| {
+        let range = start..start + triangles;
+        start = range.end;
+        (fate, range)
+    };
+    joined(coarser).into_iter().map(placed).collect()
+}
+
 /// Neighbours of the same fate as one.
-fn joined(instances: impl Iterator<Item = (Fate, u32)>) -> Vec<(Fate, u32)> {
-    let mut joined: Vec<(Fate, u32)> = Vec::new();
+fn joined<T: Copy + PartialEq>(instances: impl Iterator<Item = (T, u32)>) -> Vec<(T, u32)> {
+    let mut joined: Vec<(T, u32)> = Vec::new();
     for (fate, triangles) in instances.filter(|&(_, triangles)| triangles > 0) {
         match joined.last_mut() {
             Some((last, sum)) if *last == fate => *sum += triangles,

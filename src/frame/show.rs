@@ -13,9 +13,11 @@ use super::{FrameError, PassesOn, Renderer, milliseconds_since};
 use crate::gpu::GpuError;
 use crate::gpu::batch::Batch;
 use crate::gpu::target::Target;
+use crate::passes::cut_face;
 use crate::passes::depth_cue::DepthCuePass;
 use crate::passes::draw::{
-    Asked, Cut, DrawBatch, DrawList, Edges, FrameUniform, Look, MOST_CLIPPED, MOST_SECTIONS, Ranges, Style,
+    Asked, Cut, CutFaceRanges, DrawBatch, DrawList, Edges, FrameUniform, Look, MOST_CLIPPED, MOST_SECTIONS,
+    Ranges, Style,
 };
 use crate::passes::pick::PickPass;
 use crate::scene::Camera;
@@ -74,12 +76,12 @@ impl Renderer {
             return Ok(());
         }
         let asked = self.asked();
-        self.draw.prepare(&self.gpu.device, asked, &self.target)?;
+        self.draw.prepare(&self.gpu.device, asked);
+        self.find_ranges(asked);
         // A ghost covers some of its samples, whether it is cut or not.
         let has_ranges = asked.cut != Cut::No && !self.looks.any_ghost;
-        let (count, held, states) = (self.batches.len(), &self.held, &self.states);
-        let ranges = has_ranges.then(|| self.taken.ranges(count, held, states));
-        let batches = drawn(&self.batches, ranges);
+        let ranges = has_ranges.then(|| self.taken.ranges());
+        let batches = drawn(&self.batches, ranges, asked.cut_faces.then(|| self.taken.cut_faces()));
         let list = DrawList { asked, batches: &batches, boxes: self.boxes.drawn() };
         let mut encoder = self.gpu.encoder("draw");
         self.draw.record(&self.gpu.device, &mut encoder, &self.target, &list, self.timer.render("draw"));
@@ -96,12 +98,22 @@ impl Renderer {
         Ok(())
     }
 
+    /// Brings up to date what sections take away.
+    fn find_ranges(&mut self, asked: Asked) {
+        if asked.cut != Cut::No {
+            let entered = self.uniform.map_or(0, |uniform| uniform.entered());
+            self.taken.enter(entered, &self.scene);
+            self.taken.find_ranges(&self.scene, self.batches.len(), &self.held, &self.states);
+        }
+    }
+
     fn asked(&self) -> Asked {
+        let is_entered = self.uniform.is_some_and(|uniform| uniform.entered() != 0);
         Asked {
             edges: self.style.edges != Edges::None,
             cut: self.cut(),
             depth: self.style.depth_cue > 0.0,
-            cut_faces: self.uniform.is_some_and(|uniform| uniform.is_entered()),
+            cut_faces: is_entered && cut_face::is_possible(&self.gpu.device),
         }
     }
 
@@ -180,8 +192,10 @@ impl Renderer {
         if x >= size[0] || y >= size[1] {
             return Ok(None);
         }
-        let batches = drawn(&self.batches, None);
-        let list = DrawList { asked: self.asked(), batches: &batches, boxes: self.boxes.drawn() };
+        let asked = self.asked();
+        self.find_ranges(asked);
+        let batches = drawn(&self.batches, None, asked.cut_faces.then(|| self.taken.cut_faces()));
+        let list = DrawList { asked, batches: &batches, boxes: self.boxes.drawn() };
         let pass = match &mut self.pick {
             Some(pass) => pass,
             None => self.pick.insert(PickPass::new(&self.gpu)?),
@@ -243,7 +257,11 @@ fn hidden_of(looks: &[Look]) -> Vec<u64> {
 }
 
 /// What the draw pass needs of batches that have something to draw; all of them, or ranges by batch.
-fn drawn<'a>(batches: &'a [Batch], ranges: Option<&'a [Ranges]>) -> Vec<DrawBatch<'a>> {
+fn drawn<'a>(
+    batches: &'a [Batch],
+    ranges: Option<&'a [Ranges]>,
+    cut_faces: Option<&'a [CutFaceRanges]>,
+) -> Vec<DrawBatch<'a>> {
     let has_triangles = batches.iter().enumerate().filter(|(_, batch)| batch.totals[2] > 0);
     has_triangles
         .map(|(i, batch)| DrawBatch {
@@ -254,6 +272,7 @@ fn drawn<'a>(batches: &'a [Batch], ranges: Option<&'a [Ranges]>) -> Vec<DrawBatc
             indirect: &batch.indirect,
             indirect_offset: 0,
             ranges: ranges.map(|ranges| &ranges[i]),
+            cut_faces: cut_faces.map(|ranges| &ranges[i]),
         })
         .collect()
 }

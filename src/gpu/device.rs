@@ -81,8 +81,8 @@ impl From<wgpu::Error> for GpuError {
 pub struct GpuOptions {
     /// A part of its name, in any case of letters. `None`: what `COLLAPSAR_ADAPTER` says, else the fastest there is.
     pub adapter: Option<String>,
-    /// Whether to do without what only some adapters can.
-    pub plain: bool,
+    /// What is not asked of an adapter, though it may have it: clip distances, or a stencil beside depth of 32 bits.
+    pub without: wgpu::Features,
 }
 
 /// A device and its queue. Cheap to share by reference; every call on it may come from any thread.
@@ -158,7 +158,7 @@ impl Gpu {
         let adapter_info = adapter.get_info();
         let timestamps = can_time(&adapter, &adapter_info);
         let (device, queue) = adapter
-            .request_device(&describe_device(&adapter, timestamps, options.plain))
+            .request_device(&describe_device(&adapter, timestamps, options.without))
             .await
             .map_err(|error| GpuError::Unsuitable {
                 adapter: adapter_info.name.clone(),
@@ -324,15 +324,15 @@ async fn adapter_called(instance: &wgpu::Instance, wanted: String) -> Result<wgp
 fn describe_device(
     adapter: &wgpu::Adapter,
     timestamps: bool,
-    plain: bool,
+    without: wgpu::Features,
 ) -> wgpu::DeviceDescriptor<'static> {
     let own = adapter.limits();
     let timing = if timestamps { wgpu::Features::TIMESTAMP_QUERY } else { wgpu::Features::empty() };
-    let clipping = if plain { wgpu::Features::empty() } else { wgpu::Features::CLIP_DISTANCES };
-    let clipping = clipping & adapter.features();
+    let wanted = wgpu::Features::CLIP_DISTANCES | wgpu::Features::DEPTH32FLOAT_STENCIL8;
+    let wanted = (wanted - without) & adapter.features();
     wgpu::DeviceDescriptor {
         label: Some("collapsar"),
-        required_features: timing | clipping,
+        required_features: timing | wanted,
         required_limits: wgpu::Limits {
             max_buffer_size: own.max_buffer_size,
             max_storage_buffer_binding_size: own.max_storage_buffer_binding_size,

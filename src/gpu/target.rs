@@ -11,8 +11,8 @@ use crate::whole_file::write_whole;
 pub const COLOUR_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
 /// The same bytes, taken as they are.
 const SHOWN_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-/// The format of the depth: reversed, 1 near and 0 at infinity.
-pub const DEPTH_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+/// What a stencil starts from: counts go up and down from it.
+pub const STENCIL_START: u32 = 128;
 
 const BYTES_PER_PIXEL: u64 = 4;
 
@@ -76,7 +76,11 @@ pub struct Target {
     shown_view: wgpu::TextureView,
     /// Present when `samples` exceeds 1; resolved into `resolved`.
     multisampled_view: Option<wgpu::TextureView>,
+    /// Depth and, where the device has it, stencil.
+    attached_depth_view: wgpu::TextureView,
+    /// Depth alone, to be read.
     depth_view: wgpu::TextureView,
+    has_stencil: bool,
 }
 
 impl Target {
@@ -95,7 +99,7 @@ impl Target {
             (
                 resolved_texture(device, [width, height]),
                 (samples > 1).then(|| texture("target samples", COLOUR_FORMAT, samples, attachment)),
-                texture("target depth", DEPTH_FORMAT, samples, attachment | bound),
+                texture("target depth", depth_format(device), samples, attachment | bound),
             )
         })?;
         let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
@@ -106,7 +110,12 @@ impl Target {
             resolved_view: view(&resolved),
             shown_view: shown(&resolved),
             multisampled_view: multisampled.as_ref().map(view),
-            depth_view: view(&depth),
+            attached_depth_view: view(&depth),
+            depth_view: depth.create_view(&wgpu::TextureViewDescriptor {
+                aspect: wgpu::TextureAspect::DepthOnly,
+                ..Default::default()
+            }),
+            has_stencil: depth.format().has_stencil_aspect(),
             resolved,
         })
     }
@@ -126,7 +135,9 @@ impl Target {
             resolved_view: resolved.create_view(&Default::default()),
             shown_view: shown(&resolved),
             multisampled_view: self.multisampled_view.clone(),
+            attached_depth_view: self.attached_depth_view.clone(),
             depth_view: self.depth_view.clone(),
+            has_stencil: self.has_stencil,
             resolved,
         })
     }
@@ -155,35 +166,21 @@ impl Target {
     pub fn gpu_bytes(&self) -> u64 {
         let samples = u64::from(self.samples);
         let colour = if samples > 1 { 1 + samples } else { 1 };
-        u64::from(self.width) * u64::from(self.height) * BYTES_PER_PIXEL * (colour + samples)
+        let stencil = if self.has_stencil { samples } else { 0 };
+        u64::from(self.width) * u64::from(self.height) * (BYTES_PER_PIXEL * (colour + samples) + stencil)
     }
 
     /// The colour attachment, resolved if multisampled. Nothing is cleared to: the background covers everything.
     pub fn colour_attachment(&self) -> wgpu::RenderPassColorAttachment<'_> {
-        self.colour(wgpu::LoadOp::Clear(wgpu::Color::BLACK), true)
-    }
-
-    /// The same for a pass after which another goes on, by [`Target::colour_attachment_again`].
-    pub fn colour_attachment_at_first(&self) -> wgpu::RenderPassColorAttachment<'_> {
-        self.colour(wgpu::LoadOp::Clear(wgpu::Color::BLACK), false)
-    }
-
-    /// The colour attachment as it was left, resolved if multisampled.
-    pub fn colour_attachment_again(&self) -> wgpu::RenderPassColorAttachment<'_> {
-        self.colour(wgpu::LoadOp::Load, true)
-    }
-
-    fn colour(&self, load: wgpu::LoadOp<wgpu::Color>, is_last: bool) -> wgpu::RenderPassColorAttachment<'_> {
         let (view, resolve_target, store) = match &self.multisampled_view {
-            Some(samples) if is_last => (samples, Some(&self.resolved_view), wgpu::StoreOp::Discard),
-            Some(samples) => (samples, None, wgpu::StoreOp::Store),
+            Some(samples) => (samples, Some(&self.resolved_view), wgpu::StoreOp::Discard),
             None => (&self.resolved_view, None, wgpu::StoreOp::Store),
         };
         wgpu::RenderPassColorAttachment {
             view,
             depth_slice: None,
             resolve_target,
-            ops: wgpu::Operations { load, store },
+            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store },
         }
     }
 
@@ -207,14 +204,10 @@ impl Target {
         &self.depth_view
     }
 
-    /// The depth attachment, cleared to infinity; with `keep` it is there after the pass.
+    /// The depth attachment, cleared to infinity, and the stencil, cleared to [`STENCIL_START`]; with `keep` the depth is
+    /// there after the pass.
     pub fn depth_attachment(&self, keep: bool) -> wgpu::RenderPassDepthStencilAttachment<'_> {
-        attached_depth(&self.depth_view, wgpu::LoadOp::Clear(0.0), keep)
-    }
-
-    /// The depth attachment as it was kept; with `keep` it is there after this pass, too.
-    pub fn depth_attachment_again(&self, keep: bool) -> wgpu::RenderPassDepthStencilAttachment<'_> {
-        attached_depth(&self.depth_view, wgpu::LoadOp::Load, keep)
+        attached_depth(&self.attached_depth_view, self.has_stencil, keep)
     }
 
     /// The picture as rows of RGBA from the top, 8 bits a channel, sRGB. Waits for the GPU.
@@ -259,17 +252,28 @@ fn describe<'a>(
     }
 }
 
-/// A depth attachment; with `keep` it is there after the pass.
+/// The format of the depth: reversed, 1 near and 0 at infinity; with a stencil where the device has one beside such depth.
+pub fn depth_format(device: &wgpu::Device) -> wgpu::TextureFormat {
+    if device.features().contains(wgpu::Features::DEPTH32FLOAT_STENCIL8) {
+        wgpu::TextureFormat::Depth32FloatStencil8
+    } else {
+        wgpu::TextureFormat::Depth32Float
+    }
+}
+
+/// A depth attachment, cleared to infinity, and its stencil, if it has one; with `keep` the depth is there after the pass.
 pub(crate) fn attached_depth(
     view: &wgpu::TextureView,
-    load: wgpu::LoadOp<f32>,
+    has_stencil: bool,
     keep: bool,
 ) -> wgpu::RenderPassDepthStencilAttachment<'_> {
-    let store = if keep { wgpu::StoreOp::Store } else { wgpu::StoreOp::Discard };
+    use wgpu::{LoadOp, Operations, StoreOp};
+    let store = if keep { StoreOp::Store } else { StoreOp::Discard };
+    let start = Operations { load: LoadOp::Clear(STENCIL_START), store: StoreOp::Discard };
     wgpu::RenderPassDepthStencilAttachment {
         view,
-        depth_ops: Some(wgpu::Operations { load, store }),
-        stencil_ops: None,
+        depth_ops: Some(Operations { load: LoadOp::Clear(0.0), store }),
+        stencil_ops: has_stencil.then_some(start),
     }
 }
 

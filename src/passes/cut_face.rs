@@ -1,35 +1,26 @@
-//! cut_face: what sections cut of batches in; the faces of the cut through closed parts over what the draw pass drew, out.
+//! cut_face: the closed parts that sections cut in; the faces of the cut, out, nearer than all that is drawn after.
 //!
-//! Four draws (`shaders/cut_face.wgsl`): what is cut is counted, fronts against backs, into a number for each sample; where
-//! there is a cut face the depth is emptied; the nearest backs are painted there as the plane; and get its depth. Only what sections cut
-//! takes part, so that a frame whose sections cut a few instances of a large model pays for those alone.
+//! The first draws of the draw pass (`shaders/cut_face.wgsl`): one walk over what is cut paints the nearest backs as the
+//! plane, while the stencil counts backs against fronts; then depth is emptied, and shut where there is a cut face, so that
+//! nothing is drawn over it, and what lies behind it is rejected before it is shaded. Only closed parts that lines of sight
+//! come into by a section take part: a frame whose sections cut a few instances of a large model pays for those alone.
 
 use super::draw::{
-    CLIPPED_SHADER, Cut, DrawList, SHADER as DRAW_SHADER, active_vertices, depth_state, draw_batch, module,
+    CLIPPED_SHADER, Cut, DrawList, SHADER as DRAW_SHADER, active_vertices, depth_state, draw_ranges, module,
 };
-use crate::gpu::target::{TargetError, check_memory};
+use crate::gpu::target::STENCIL_START;
 
 /// What follows the shader of the draw pass.
 const CUT_FACE: &str = include_str!("../../shaders/cut_face.wgsl");
 
-/// The format of the counts: whole numbers up to 2,048 are exact, and blending adds them.
-const COUNT_FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::R16Float;
-
-/// The shader's source for targets of that many samples, without what comes before it.
-fn own_source(samples: u32) -> String {
-    let texture = if samples > 1 { "texture_multisampled_2d<f32>" } else { "texture_2d<f32>" };
-    format!("alias COUNTS = {texture};\n{CUT_FACE}")
-}
-
-/// The shader's source for targets of that many samples.
-pub fn shader(samples: u32) -> String {
-    [DRAW_SHADER, own_source(samples).as_str()].concat()
+/// The shader's source.
+pub fn shader() -> String {
+    [DRAW_SHADER, CUT_FACE].concat()
 }
 
 /// The same for devices that clip by distances.
-fn clipped_shader(samples: u32) -> String {
-    let clipped = include_str!("../../shaders/shared/clipped_cut_face.wgsl");
-    [CLIPPED_SHADER, own_source(samples).as_str(), clipped].concat()
+fn clipped_shader() -> String {
+    [CLIPPED_SHADER, CUT_FACE, include_str!("../../shaders/shared/clipped_cut_face.wgsl")].concat()
 }
 
 /// What cut faces are painted with.
@@ -39,306 +30,212 @@ pub(super) struct Paint {
     pub entry: &'static str,
     /// The same where distances clip, if that is to be used.
     pub clipped_entry: Option<&'static str>,
-    /// What it writes to.
+    /// That which takes away what was painted where there is no cut face; nothing does where all pixels are drawn over.
+    pub empty_entry: Option<&'static str>,
+    /// What they write to.
     pub format: wgpu::TextureFormat,
 }
 
-/// The pipelines, and the counts of the last target.
+/// Whether a device has what the pass needs: a stencil beside its depth.
+pub fn is_possible(device: &wgpu::Device) -> bool {
+    device.features().contains(wgpu::Features::DEPTH32FLOAT_STENCIL8)
+}
+
+/// The pipelines.
 #[derive(Debug)]
 pub(super) struct CutFacePass {
-    /// Sample by sample.
-    sampled: Painting,
-    /// By distances, where the device can.
-    clipped: Option<Painting>,
+    /// Of what is placed as it is, and inside out; sample by sample.
+    sampled: Option<[wgpu::RenderPipeline; 2]>,
+    /// The same by distances.
+    clipped: Option<[wgpu::RenderPipeline; 2]>,
     empty: wgpu::RenderPipeline,
+    shut: wgpu::RenderPipeline,
     settle: wgpu::RenderPipeline,
-    counts_layout: wgpu::BindGroupLayout,
+    paint: Paint,
     samples: u32,
-    counts: Option<Counts>,
-}
-
-/// The pipelines for what sections cut.
-#[derive(Debug)]
-struct Painting {
-    count: wgpu::RenderPipeline,
-    paint: wgpu::RenderPipeline,
-}
-
-/// A number for each sample of a target.
-#[derive(Debug)]
-struct Counts {
-    size: [u32; 2],
-    view: wgpu::TextureView,
-    group: wgpu::BindGroup,
-}
-
-/// Which depth a pipeline takes part in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Depth {
-    Not,
-    Written,
-    Tested,
 }
 
 /// What tells one pipeline of the pass from another.
 struct Draws<'a> {
     module: &'a wgpu::ShaderModule,
     label: &'a str,
+    groups: &'a [Option<&'a wgpu::BindGroupLayout>],
     entries: [&'a str; 2],
-    has_vertices: bool,
-    depth: Depth,
+    /// Whether active vertices are drawn, and if so which: those of what is placed inside out, or as it is.
+    inside_out: Option<bool>,
+    /// Whether the fragment entry point asks for the number of samples.
+    has_samples: bool,
+    depth: wgpu::CompareFunction,
+    stencil: wgpu::StencilState,
     target: wgpu::ColorTargetState,
 }
 
 impl CutFacePass {
-    /// Makes the pass for targets of that many samples a pixel, with the layouts of the frame and of instances.
-    pub fn new(
-        device: &wgpu::Device,
-        samples: u32,
-        paint: Paint,
-        [frame, instances]: [&wgpu::BindGroupLayout; 2],
-    ) -> Self {
-        let counts_layout = counts_layout(device, samples > 1);
-        let make = |draws: &Draws<'_>| {
-            let groups = [Some(frame), Some(instances), Some(&counts_layout)];
-            let groups = if draws.depth == Depth::Not { &groups[..2] } else { &groups[..] };
-            pipeline(device, samples, groups, draws)
-        };
-        let painting = |module: &wgpu::ShaderModule, vertex, count, entry| Painting {
-            count: make(&Draws {
-                module,
-                label: "cut_face count",
-                entries: [vertex, count],
-                has_vertices: true,
-                depth: Depth::Not,
-                target: added_counts(),
-            }),
-            paint: make(&Draws {
-                module,
-                label: "cut_face",
-                entries: [vertex, entry],
-                has_vertices: true,
-                depth: Depth::Tested,
-                target: paint.format.into(),
-            }),
-        };
-        let plain = module(device, "cut_face", &shader(samples));
-        let can_clip = device.features().contains(wgpu::Features::CLIP_DISTANCES);
-        let clipped = paint.clipped_entry.filter(|_| can_clip).map(|entry| {
-            let module = module(device, "cut_face clipped", &clipped_shader(samples));
-            painting(&module, "clipped_cut_face_vertex", "clipped_count_fragment", entry)
-        });
-        // Over the whole picture, to depth alone.
-        let whole = |label, entries| {
-            let unwritten =
-                wgpu::ColorTargetState { write_mask: wgpu::ColorWrites::empty(), ..paint.format.into() };
-            make(&Draws {
-                module: &plain,
+    /// Makes the pass for targets of that many samples a pixel, with the layout of the frame.
+    pub fn new(device: &wgpu::Device, samples: u32, paint: Paint, frame: &wgpu::BindGroupLayout) -> Self {
+        let module = module(device, "cut_face", &shader());
+        let whole = |label, entries: [&str; 2], depth, stencil, target| {
+            let groups = [Some(frame)];
+            let has_samples = entries[1] == "shut_fragment";
+            let draws = Draws {
+                module: &module,
                 label,
+                groups: &groups,
                 entries,
-                has_vertices: false,
-                depth: Depth::Written,
-                target: unwritten,
-            })
+                inside_out: None,
+                has_samples,
+                depth,
+                stencil,
+                target,
+            };
+            pipeline(device, samples, &draws)
         };
+        use wgpu::CompareFunction as Compare;
+        let unwritten =
+            wgpu::ColorTargetState { write_mask: wgpu::ColorWrites::empty(), ..paint.format.into() };
+        let within = stencil(Compare::Less, [wgpu::StencilOperation::Keep; 2]);
+        let (of_empty, stencil_of_empty, empty_target) = match paint.empty_entry {
+            Some(entry) => {
+                let outside = stencil(Compare::GreaterEqual, [wgpu::StencilOperation::Keep; 2]);
+                (entry, outside, paint.format.into())
+            }
+            None => ("empty_fragment", wgpu::StencilState::default(), unwritten.clone()),
+        };
+        let empty = ["background_vertex", of_empty];
         Self {
-            sampled: painting(&plain, "cut_face_vertex", "count_fragment", paint.entry),
-            clipped,
-            empty: whole("cut_face empty", ["background_vertex", "empty_fragment"]),
-            settle: whole("cut_face settle", ["line_vertex", "settle_fragment"]),
-            counts_layout,
+            sampled: None,
+            clipped: None,
+            empty: whole("cut_face empty", empty, Compare::Always, stencil_of_empty, empty_target),
+            shut: whole(
+                "cut_face shut",
+                ["line_vertex", "shut_fragment"],
+                Compare::Always,
+                within.clone(),
+                unwritten.clone(),
+            ),
+            settle: whole(
+                "cut_face settle",
+                ["line_vertex", "settle_fragment"],
+                Compare::Less,
+                within,
+                unwritten,
+            ),
+            paint,
             samples,
-            counts: None,
         }
     }
 
-    /// Makes room for the counts of a target.
-    ///
-    /// # Errors
-    /// The memory of the device is exhausted.
-    pub fn prepare(&mut self, device: &wgpu::Device, size: [u32; 2]) -> Result<(), TargetError> {
-        if self.counts.as_ref().is_some_and(|counts| counts.size == size) {
-            return Ok(());
+    /// Makes what a frame that is cut in that way needs, with the layouts of the frame and of instances.
+    pub fn prepare(&mut self, device: &wgpu::Device, cut: Cut, layouts: [&wgpu::BindGroupLayout; 2]) {
+        let clipped_entry = self.clipped_entry(device, cut);
+        let made = if clipped_entry.is_some() { &mut self.clipped } else { &mut self.sampled };
+        if made.is_some() {
+            return;
         }
-        self.counts = None;
-        let [width, height] = size;
-        let texture = check_memory(device, size, || {
-            device.create_texture(&wgpu::TextureDescriptor {
-                label: Some("cut_face counts"),
-                size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: self.samples,
-                dimension: wgpu::TextureDimension::D2,
-                format: COUNT_FORMAT,
-                usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
-                view_formats: &[],
-            })
-        })?;
-        let view = texture.create_view(&Default::default());
-        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("cut_face counts"),
-            layout: &self.counts_layout,
-            entries: &[wgpu::BindGroupEntry {
-                binding: 0,
-                resource: wgpu::BindingResource::TextureView(&view),
-            }],
-        });
-        self.counts = Some(Counts { size, view, group });
-        Ok(())
+        let (source, entries) = match clipped_entry {
+            Some(entry) => (clipped_shader(), ["clipped_cut_face_vertex", entry]),
+            None => (shader(), ["cut_face_vertex", self.paint.entry]),
+        };
+        let module = module(device, "cut_face", &source);
+        *made = Some([false, true].map(|inside_out| {
+            let draws = Draws {
+                module: &module,
+                label: "cut_face",
+                groups: &layouts.map(Some),
+                entries,
+                inside_out: Some(inside_out),
+                has_samples: clipped_entry.is_none(),
+                depth: wgpu::CompareFunction::Greater,
+                stencil: counted(inside_out),
+                target: self.paint.format.into(),
+            };
+            pipeline(device, self.samples, &draws)
+        }));
     }
 
-    /// Bytes of GPU memory that the counts take.
-    pub fn gpu_bytes(&self) -> u64 {
-        let pixels = |counts: &Counts| u64::from(counts.size[0]) * u64::from(counts.size[1]);
-        2 * u64::from(self.samples) * self.counts.as_ref().map_or(0, pixels)
+    /// The entry point by distances, where a frame that is cut in that way is to use it.
+    fn clipped_entry(&self, device: &wgpu::Device, cut: Cut) -> Option<&'static str> {
+        let clips = cut == Cut::Clipped && device.features().contains(wgpu::Features::CLIP_DISTANCES);
+        self.paint.clipped_entry.filter(|_| clips)
     }
 
-    /// Records the pass, after what draws into the same attachments, which keeps what it draws; `frame` is the frame's group.
-    /// The time ends with it.
-    pub fn record(
-        &self,
-        encoder: &mut wgpu::CommandEncoder,
-        frame: &wgpu::BindGroup,
-        list: &DrawList<'_>,
-        (colour, depth): (wgpu::RenderPassColorAttachment<'_>, wgpu::RenderPassDepthStencilAttachment<'_>),
-        timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
-    ) {
-        let Some(counts) = &self.counts else { return };
+    /// Records the cut faces, before all else in a render pass, of which the frame's group is set.
+    pub fn record(&self, pass: &mut wgpu::RenderPass<'_>, list: &DrawList<'_>) {
         let clipped = self.clipped.as_ref().filter(|_| list.asked.cut == Cut::Clipped);
-        let painting = clipped.unwrap_or(&self.sampled);
-        count(encoder, frame, list, (&painting.count, &counts.view));
-        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-            label: Some("cut_face"),
-            color_attachments: &[Some(colour)],
-            depth_stencil_attachment: Some(depth),
-            timestamp_writes,
-            ..Default::default()
-        });
-        pass.set_bind_group(0, frame, &[]);
-        pass.set_bind_group(2, &counts.group, &[]);
-        // What is drawn over the whole picture has the layout of what is drawn of batches.
-        let Some(first) = list.batches.first() else { return };
-        pass.set_bind_group(1, first.instances, &[]);
-        pass.set_pipeline(&self.empty);
-        pass.draw(0..3, 0..1);
-        pass.set_pipeline(&painting.paint);
-        draw_cut(&mut pass, list);
-        if list.asked.depth {
-            pass.set_pipeline(&self.settle);
+        let Some(pipelines) = clipped.or(self.sampled.as_ref()) else { return };
+        pass.set_stencil_reference(STENCIL_START);
+        for (inside_out, pipeline) in [false, true].into_iter().zip(pipelines) {
+            pass.set_pipeline(pipeline);
+            for batch in list.batches {
+                draw_ranges(pass, batch, batch.cut_faces_of(inside_out));
+            }
+        }
+        for pipeline in [&self.empty, &self.shut] {
+            pass.set_pipeline(pipeline);
             pass.draw(0..3, 0..1);
         }
     }
+
+    /// Records the depths of the cut faces, after all else in the same pass.
+    pub fn settle(&self, pass: &mut wgpu::RenderPass<'_>) {
+        pass.set_pipeline(&self.settle);
+        pass.draw(0..3, 0..1);
+    }
 }
 
-/// Records the counting.
-fn count(
-    encoder: &mut wgpu::CommandEncoder,
-    frame: &wgpu::BindGroup,
-    list: &DrawList<'_>,
-    (pipeline, counts): (&wgpu::RenderPipeline, &wgpu::TextureView),
-) {
-    let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-        label: Some("cut_face count"),
-        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-            view: counts,
-            depth_slice: None,
-            resolve_target: None,
-            ops: wgpu::Operations {
-                load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                store: wgpu::StoreOp::Store,
-            },
-        })],
-        ..Default::default()
+/// Of fronts and of backs, whether they are the nearest or not.
+fn stencil(compare: wgpu::CompareFunction, ops: [wgpu::StencilOperation; 2]) -> wgpu::StencilState {
+    let [front, back] = ops.map(|op| wgpu::StencilFaceState {
+        compare,
+        fail_op: wgpu::StencilOperation::Keep,
+        depth_fail_op: op,
+        pass_op: op,
     });
-    pass.set_bind_group(0, frame, &[]);
-    pass.set_pipeline(pipeline);
-    draw_cut(&mut pass, list);
+    wgpu::StencilState { front, back, read_mask: 0xFF, write_mask: 0xFF }
 }
 
-/// Counts, each added to what is there.
-fn added_counts() -> wgpu::ColorTargetState {
-    let added = wgpu::BlendComponent {
-        src_factor: wgpu::BlendFactor::One,
-        dst_factor: wgpu::BlendFactor::One,
-        operation: wgpu::BlendOperation::Add,
-    };
-    wgpu::ColorTargetState {
-        format: COUNT_FORMAT,
-        blend: Some(wgpu::BlendState { color: added, alpha: added }),
-        write_mask: wgpu::ColorWrites::ALL,
-    }
+/// Counts backs up and fronts down.
+fn counted(inside_out: bool) -> wgpu::StencilState {
+    use wgpu::StencilOperation as Operation;
+    let ops = [Operation::DecrementWrap, Operation::IncrementWrap];
+    let [front, back] = ops;
+    stencil(wgpu::CompareFunction::Always, if inside_out { [back, front] } else { ops })
 }
 
-/// Draws what sections cut.
-fn draw_cut(pass: &mut wgpu::RenderPass<'_>, list: &DrawList<'_>) {
-    for batch in list.batches.iter().filter(|batch| batch.is_cut()) {
-        draw_batch(pass, batch, batch.ranges_of(true));
-    }
-}
-
-fn counts_layout(device: &wgpu::Device, multisampled: bool) -> wgpu::BindGroupLayout {
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("cut_face counts"),
-        entries: &[wgpu::BindGroupLayoutEntry {
-            binding: 0,
-            visibility: wgpu::ShaderStages::FRAGMENT,
-            ty: wgpu::BindingType::Texture {
-                sample_type: wgpu::TextureSampleType::Float { filterable: false },
-                view_dimension: wgpu::TextureViewDimension::D2,
-                multisampled,
-            },
-            count: None,
-        }],
-    })
-}
-
-fn depth_of(depth: Depth) -> Option<wgpu::DepthStencilState> {
-    match depth {
-        Depth::Not => None,
-        Depth::Written => Some(wgpu::DepthStencilState {
-            depth_compare: Some(wgpu::CompareFunction::Always),
-            ..depth_state(true)
-        }),
-        Depth::Tested => Some(depth_state(true)),
-    }
-}
-
-fn pipeline(
-    device: &wgpu::Device,
-    samples: u32,
-    groups: &[Option<&wgpu::BindGroupLayout>],
-    draws: &Draws<'_>,
-) -> wgpu::RenderPipeline {
+fn pipeline(device: &wgpu::Device, samples: u32, draws: &Draws<'_>) -> wgpu::RenderPipeline {
     let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
         label: Some(draws.label),
-        bind_group_layouts: groups,
+        bind_group_layouts: draws.groups,
         immediate_size: 0,
     });
     let [vertex, fragment] = draws.entries;
     let vertices = [Some(active_vertices())];
-    let module = draws.module;
     // Constants that an entry point does not use may not be given.
-    let constants = [("SAMPLES", f64::from(samples))];
-    let has_samples = fragment != "clipped_count_fragment";
+    let turned = [("TURNED", f64::from(u32::from(draws.inside_out == Some(true))))];
+    let turned: &[_] = if draws.inside_out.is_some() { &turned } else { &[] };
+    let sampled = [("SAMPLES", f64::from(samples))];
+    let sampled: &[_] = if draws.has_samples { &sampled } else { &[] };
+    let options = |constants| wgpu::PipelineCompilationOptions { constants, ..Default::default() };
     device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
         label: Some(draws.label),
         layout: Some(&layout),
         vertex: wgpu::VertexState {
-            module,
+            module: draws.module,
             entry_point: Some(vertex),
-            compilation_options: Default::default(),
-            buffers: if draws.has_vertices { &vertices } else { &[] },
+            compilation_options: options(turned),
+            buffers: if draws.inside_out.is_some() { &vertices } else { &[] },
         },
         primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: depth_of(draws.depth),
+        depth_stencil: Some(wgpu::DepthStencilState {
+            depth_compare: Some(draws.depth),
+            stencil: draws.stencil.clone(),
+            ..depth_state(device, true)
+        }),
         multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
         fragment: Some(wgpu::FragmentState {
-            module,
+            module: draws.module,
             entry_point: Some(fragment),
-            compilation_options: wgpu::PipelineCompilationOptions {
-                constants: if has_samples { &constants } else { &[] },
-                ..Default::default()
-            },
+            compilation_options: options(&[turned, sampled].concat()),
             targets: &[Some(draws.target.clone())],
         }),
         multiview_mask: None,
@@ -351,11 +248,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_shader_is_valid_for_any_number_of_samples() {
+    fn the_shader_is_valid() {
         let clips = naga::valid::Capabilities::CLIP_DISTANCES;
-        let plain = [1, 4].map(|samples| (shader(samples), naga::valid::Capabilities::empty()));
-        let clipped = [1, 4].map(|samples| (clipped_shader(samples), clips));
-        for (source, capabilities) in plain.into_iter().chain(clipped) {
+        for (source, capabilities) in
+            [(shader(), naga::valid::Capabilities::empty()), (clipped_shader(), clips)]
+        {
             let module = naga::front::wgsl::parse_str(&source)
                 .unwrap_or_else(|error| panic!("{}", error.emit_to_string(&source)));
             let flags = naga::valid::ValidationFlags::all();

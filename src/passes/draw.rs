@@ -17,10 +17,10 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use super::cut_face::{CutFacePass, Paint};
-use crate::gpu::target::{COLOUR_FORMAT, Target, TargetError};
+use crate::gpu::target::{COLOUR_FORMAT, Target};
 use pipelines::{Drawn, Kind, Pipelines};
 pub(super) use pipelines::{active_vertices, depth_state};
-pub use row::{InstanceRow, Look, LookRow};
+pub use row::{InstanceRow, Look, LookRow, is_inside_out};
 pub use uniform::{Edges, FrameUniform, MOST_PLANES, MOST_SECTIONS, Mode, ROUNDING, Section, Style};
 
 /// What a surface and the background look like, whoever places the corners: the first piece of [`SHADER`].
@@ -68,6 +68,8 @@ pub struct DrawBatch<'a> {
     pub indirect_offset: u64,
     /// What is drawn of it; all of it if it is not said, cut as the frame asks for.
     pub ranges: Option<&'a Ranges>,
+    /// The triangles that cut faces are made of.
+    pub cut_faces: Option<&'a CutFaceRanges>,
 }
 
 /// Which triangles of a batch are drawn. What is in no range is not drawn.
@@ -79,10 +81,24 @@ pub struct Ranges {
     pub cut: Vec<Range<u32>>,
 }
 
+/// Which triangles of a batch cut faces are made of: those of closed parts that lines of sight come into by a section. Others
+/// may be among them, for the pass tells them apart.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct CutFaceRanges {
+    /// Of parts that are placed as they are.
+    pub as_is: Vec<Range<u32>>,
+    /// Of parts that are placed inside out.
+    pub inside_out: Vec<Range<u32>>,
+}
+
 impl DrawBatch<'_> {
-    /// Whether sections cut any of it.
-    pub(super) fn is_cut(&self) -> bool {
-        self.ranges_of(true).is_none_or(|ranges| !ranges.is_empty())
+    /// The triangles that cut faces are made of.
+    pub(super) fn cut_faces_of(&self, inside_out: bool) -> &[Range<u32>] {
+        match self.cut_faces {
+            Some(ranges) if inside_out => &ranges.inside_out,
+            Some(ranges) => &ranges.as_is,
+            None => &[],
+        }
     }
 
     /// What of it is drawn in that way; `None` is all of it, by the indirect draw.
@@ -180,30 +196,15 @@ impl DrawPass {
         bytes.len() as u64
     }
 
-    /// Makes what a frame into a target needs, if it is not there.
-    ///
-    /// # Errors
-    /// The memory of the device is exhausted.
-    pub fn prepare(
-        &mut self,
-        device: &wgpu::Device,
-        asked: Asked,
-        target: &Target,
-    ) -> Result<(), TargetError> {
+    /// Makes what a frame needs, if it is not there.
+    pub fn prepare(&mut self, device: &wgpu::Device, asked: Asked) {
         self.make_pipelines(device, asked);
-        if !asked.cut_faces {
-            return Ok(());
+        if asked.cut_faces {
+            let Pipelines { frame, instances, samples, .. } = &self.pipelines;
+            self.cut_face
+                .get_or_insert_with(|| CutFacePass::new(device, *samples, CUT_FACES, frame))
+                .prepare(device, asked.cut, [frame, instances]);
         }
-        let Pipelines { frame, instances, samples, .. } = &self.pipelines;
-        let cut_face = self
-            .cut_face
-            .get_or_insert_with(|| CutFacePass::new(device, *samples, CUT_FACES, [frame, instances]));
-        cut_face.prepare(device, [target.width(), target.height()])
-    }
-
-    /// Bytes of GPU memory that it takes beside the target's.
-    pub fn gpu_bytes(&self) -> u64 {
-        self.cut_face.as_ref().map_or(0, CutFacePass::gpu_bytes)
     }
 
     fn make_pipelines(&mut self, device: &wgpu::Device, asked: Asked) {
@@ -212,7 +213,7 @@ impl DrawPass {
         }
     }
 
-    /// Records the pass: all batches, boxes, the background where nothing was drawn, then the faces of cuts.
+    /// Records the pass: the faces of cuts, all batches, boxes, and the background where nothing was drawn.
     pub fn record(
         &self,
         device: &wgpu::Device,
@@ -221,35 +222,18 @@ impl DrawPass {
         list: &DrawList<'_>,
         timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
     ) {
-        let asked = list.asked;
-        let cut_face = self.cut_face.as_ref().filter(|_| asked.cut_faces && list.has_cut());
-        let Some(cut_face) = cut_face else {
-            let attachments = (target.colour_attachment(), target.depth_attachment(asked.depth));
-            return self.record_scene(device, encoder, attachments, list, timestamp_writes);
-        };
-        let attachments = (target.colour_attachment_at_first(), target.depth_attachment(true));
-        let [begins, ends] = halves(timestamp_writes);
-        self.record_scene(device, encoder, attachments, list, begins);
-        let (colour, depth) = (target.colour_attachment_again(), target.depth_attachment_again(asked.depth));
-        cut_face.record(encoder, &self.frame_group, list, (colour, depth), ends);
-    }
-
-    fn record_scene(
-        &self,
-        device: &wgpu::Device,
-        encoder: &mut wgpu::CommandEncoder,
-        (colour, depth): (wgpu::RenderPassColorAttachment<'_>, wgpu::RenderPassDepthStencilAttachment<'_>),
-        list: &DrawList<'_>,
-        timestamp_writes: Option<wgpu::RenderPassTimestampWrites<'_>>,
-    ) {
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("draw"),
-            color_attachments: &[Some(colour)],
-            depth_stencil_attachment: Some(depth),
+            color_attachments: &[Some(target.colour_attachment())],
+            depth_stencil_attachment: Some(target.depth_attachment(list.asked.depth)),
             timestamp_writes,
             ..Default::default()
         });
         pass.set_bind_group(0, &self.frame_group, &[]);
+        let cut_face = self.cut_face.as_ref().filter(|_| list.has_cut_faces());
+        if let Some(cut_face) = cut_face {
+            cut_face.record(&mut pass, list);
+        }
         self.draw_scene(device, &mut pass, list);
         let [_, _, of_boxes, background] = kinds(list.asked).map(|kind| self.made.get(&kind));
         if let Some(pipeline) = of_boxes {
@@ -259,6 +243,9 @@ impl DrawPass {
         if let Some(pipeline) = background {
             pass.set_pipeline(pipeline);
             pass.draw(0..3, 0..1);
+        }
+        if let Some(cut_face) = cut_face.filter(|_| list.asked.depth) {
+            cut_face.settle(&mut pass);
         }
     }
 
@@ -302,28 +289,17 @@ impl DrawPass {
 const CUT_FACES: Paint = Paint {
     entry: "cut_face_fragment",
     clipped_entry: Some("clipped_cut_face_fragment"),
+    empty_entry: None,
     format: COLOUR_FORMAT,
 };
 
 impl DrawList<'_> {
-    /// Whether sections cut any of it.
-    fn has_cut(&self) -> bool {
-        self.batches.iter().any(DrawBatch::is_cut)
+    /// Whether there may be cut faces.
+    pub(super) fn has_cut_faces(&self) -> bool {
+        let has =
+            |batch: &DrawBatch<'_>| [false, true].iter().any(|&out| !batch.cut_faces_of(out).is_empty());
+        self.asked.cut_faces && self.batches.iter().any(has)
     }
-}
-
-/// One time that begins with a pass and ends with a later one.
-fn halves(
-    times: Option<wgpu::RenderPassTimestampWrites<'_>>,
-) -> [Option<wgpu::RenderPassTimestampWrites<'_>>; 2] {
-    let half = |begins: bool| {
-        times.as_ref().map(|times| wgpu::RenderPassTimestampWrites {
-            query_set: times.query_set,
-            beginning_of_pass_write_index: times.beginning_of_pass_write_index.filter(|_| begins),
-            end_of_pass_write_index: times.end_of_pass_write_index.filter(|_| !begins),
-        })
-    };
-    [half(true), half(false)]
 }
 
 pub(super) fn module(device: &wgpu::Device, label: &str, source: &str) -> wgpu::ShaderModule {
@@ -362,13 +338,27 @@ pub(super) fn draw_batch(
     batch: &DrawBatch<'_>,
     ranges: Option<&[Range<u32>]>,
 ) {
+    match ranges {
+        None => {
+            set_batch(pass, batch);
+            pass.draw_indexed_indirect(batch.indirect, batch.indirect_offset);
+        }
+        Some(ranges) => draw_ranges(pass, batch, ranges),
+    }
+}
+
+/// Draws ranges of a batch by its index buffer, with the pipeline and the frame set.
+pub(super) fn draw_ranges(pass: &mut wgpu::RenderPass<'_>, batch: &DrawBatch<'_>, ranges: &[Range<u32>]) {
+    if !ranges.is_empty() {
+        set_batch(pass, batch);
+        ranges.iter().for_each(|range| pass.draw_indexed(corners_of(range), 0, 0..1));
+    }
+}
+
+fn set_batch(pass: &mut wgpu::RenderPass<'_>, batch: &DrawBatch<'_>) {
     pass.set_bind_group(1, batch.instances, &[]);
     pass.set_vertex_buffer(0, batch.vertices.slice(..));
     pass.set_index_buffer(batch.indices.slice(..), wgpu::IndexFormat::Uint32);
-    match ranges {
-        None => pass.draw_indexed_indirect(batch.indirect, batch.indirect_offset),
-        Some(ranges) => ranges.iter().for_each(|range| pass.draw_indexed(corners_of(range), 0, 0..1)),
-    }
 }
 
 pub(super) fn frame_buffer(device: &wgpu::Device, label: &str) -> wgpu::Buffer {

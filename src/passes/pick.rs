@@ -10,7 +10,7 @@ use super::draw::{
     DrawList, FrameUniform, InstanceRow, LookRow, SHADER as DRAW_SHADER, active_vertices, bind, depth_state,
     draw_batch, draw_boxes, frame_buffer, layout, module,
 };
-use crate::gpu::target::{DEPTH_FORMAT, attached_depth};
+use crate::gpu::target::{attached_depth, depth_format};
 use crate::gpu::{Gpu, GpuError, readback};
 
 /// What follows the shader of the draw pass.
@@ -23,7 +23,12 @@ pub fn shader() -> String {
 
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Uint;
 /// How cut faces are written.
-const CUT_FACES: Paint = Paint { entry: "pick_cut_face_fragment", clipped_entry: None, format: FORMAT };
+const CUT_FACES: Paint = Paint {
+    entry: "pick_cut_face_fragment",
+    clipped_entry: None,
+    empty_entry: Some("pick_empty_fragment"),
+    format: FORMAT,
+};
 /// Words of a pixel.
 const WORDS: usize = 4;
 
@@ -75,7 +80,7 @@ impl PickPass {
             frame_group: bind(device, "pick frame", &of_frame, &[&frame]),
             frame,
             pixel: one_pixel(device, "picked", FORMAT),
-            depth: one_pixel(device, "pick depth", DEPTH_FORMAT),
+            depth: one_pixel(device, "pick depth", depth_format(device)),
             copied: gpu.buffer("picked", 16, Usage::COPY_SRC | Usage::COPY_DST)?,
             layouts: [of_frame, instances],
         })
@@ -84,18 +89,18 @@ impl PickPass {
     /// What is in one pixel of the frame. Waits for the GPU.
     ///
     /// # Errors
-    /// The device is lost, or there is no memory for what closes sections.
+    /// The device is lost.
     pub fn pick(
         &mut self,
         gpu: &Gpu,
         frame: &FrameUniform,
         list: &DrawList<'_>,
     ) -> Result<Option<Picked>, GpuError> {
-        if list.asked.cut_faces && self.cut_face.is_none() {
+        if list.has_cut_faces() {
             let [of_frame, instances] = &self.layouts;
-            let mut cut_face = CutFacePass::new(&gpu.device, 1, CUT_FACES, [of_frame, instances]);
-            cut_face.prepare(&gpu.device, [1, 1]).map_err(|_| GpuError::OutOfMemory)?;
-            self.cut_face = Some(cut_face);
+            self.cut_face
+                .get_or_insert_with(|| CutFacePass::new(&gpu.device, 1, CUT_FACES, of_frame))
+                .prepare(&gpu.device, list.asked.cut, [of_frame, instances]);
         }
         gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(frame));
         let mut encoder = gpu.encoder("pick");
@@ -113,29 +118,30 @@ impl PickPass {
     fn record(&self, encoder: &mut wgpu::CommandEncoder, list: &DrawList<'_>) {
         let [pixel, depth] =
             [&self.pixel, &self.depth].map(|texture| texture.create_view(&Default::default()));
-        let colour = |load| wgpu::RenderPassColorAttachment {
+        let colour = wgpu::RenderPassColorAttachment {
             view: &pixel,
             depth_slice: None,
             resolve_target: None,
-            ops: wgpu::Operations { load, store: wgpu::StoreOp::Store },
+            ops: wgpu::Operations {
+                load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                store: wgpu::StoreOp::Store,
+            },
         };
-        {
-            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                label: Some("pick"),
-                color_attachments: &[Some(colour(wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT)))],
-                depth_stencil_attachment: Some(attached_depth(&depth, wgpu::LoadOp::Clear(0.0), true)),
-                ..Default::default()
-            });
-            pass.set_bind_group(0, &self.frame_group, &[]);
-            pass.set_pipeline(&self.scene);
-            list.batches.iter().for_each(|batch| draw_batch(&mut pass, batch, None));
-            pass.set_pipeline(&self.boxes);
-            draw_boxes(&mut pass, list);
+        let has_stencil = self.depth.format().has_stencil_aspect();
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            label: Some("pick"),
+            color_attachments: &[Some(colour)],
+            depth_stencil_attachment: Some(attached_depth(&depth, has_stencil, false)),
+            ..Default::default()
+        });
+        pass.set_bind_group(0, &self.frame_group, &[]);
+        if let Some(cut_face) = self.cut_face.as_ref().filter(|_| list.has_cut_faces()) {
+            cut_face.record(&mut pass, list);
         }
-        if let Some(cut_face) = self.cut_face.as_ref().filter(|_| list.asked.cut_faces) {
-            let attachments = (colour(wgpu::LoadOp::Load), attached_depth(&depth, wgpu::LoadOp::Load, false));
-            cut_face.record(encoder, &self.frame_group, list, attachments, None);
-        }
+        pass.set_pipeline(&self.scene);
+        list.batches.iter().for_each(|batch| draw_batch(&mut pass, batch, None));
+        pass.set_pipeline(&self.boxes);
+        draw_boxes(&mut pass, list);
     }
 }
 
@@ -181,7 +187,7 @@ fn pipeline(
             buffers,
         },
         primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: Some(depth_state(true)),
+        depth_stencil: Some(depth_state(device, true)),
         multisample: wgpu::MultisampleState::default(),
         fragment: Some(wgpu::FragmentState {
             module,

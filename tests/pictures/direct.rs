@@ -5,7 +5,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use collapsar::gpu::Gpu;
-use collapsar::gpu::target::{COLOUR_FORMAT, DEPTH_FORMAT, Target};
+use collapsar::gpu::target::{COLOUR_FORMAT, Target, depth_format};
 use collapsar::import::{Instance, Model, SourceMesh};
 use collapsar::passes::draw::{FrameUniform, SURFACE, Style};
 use collapsar::scene::Camera;
@@ -120,18 +120,22 @@ fn scene_pipeline(device: &wgpu::Device, module: &wgpu::ShaderModule) -> wgpu::R
         step_mode: wgpu::VertexStepMode::Vertex,
         attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x3],
     };
-    let depth = depth_state(true, wgpu::CompareFunction::Greater);
+    let depth = depth_state(device, true, wgpu::CompareFunction::Greater);
     pipeline(device, module, ["direct_vertex", "draw_fragment"], &[Some(layout)], depth)
 }
 
 fn background_pipeline(device: &wgpu::Device, module: &wgpu::ShaderModule) -> wgpu::RenderPipeline {
-    let depth = depth_state(false, wgpu::CompareFunction::GreaterEqual);
+    let depth = depth_state(device, false, wgpu::CompareFunction::GreaterEqual);
     pipeline(device, module, ["background_vertex", "background_fragment"], &[], depth)
 }
 
-fn depth_state(write: bool, compare: wgpu::CompareFunction) -> wgpu::DepthStencilState {
+fn depth_state(
+    device: &wgpu::Device,
+    write: bool,
+    compare: wgpu::CompareFunction,
+) -> wgpu::DepthStencilState {
     wgpu::DepthStencilState {
-        format: DEPTH_FORMAT,
+        format: depth_format(device),
         depth_write_enabled: Some(write),
         depth_compare: Some(compare),
         stencil: wgpu::StencilState::default(),

@@ -1,6 +1,6 @@
 //! The pipelines of the draw pass: made when they are first asked for, kept then.
 
-use crate::gpu::target::{COLOUR_FORMAT, DEPTH_FORMAT};
+use crate::gpu::target::{COLOUR_FORMAT, depth_format};
 
 use super::{ACTIVE_VERTEX_BYTES, Cut};
 
@@ -94,7 +94,7 @@ impl Pipelines {
                 buffers,
             },
             primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: Some(depth_state(label != "background")),
+            depth_stencil: Some(depth_state(device, label != "background")),
             multisample: wgpu::MultisampleState { count: self.samples, ..Default::default() },
             fragment: Some(wgpu::FragmentState {
                 module,
@@ -125,10 +125,10 @@ pub(in crate::passes) fn active_vertices() -> wgpu::VertexBufferLayout<'static> 
 }
 
 /// Surfaces write their depth; the background is where nothing did.
-pub(in crate::passes) fn depth_state(write: bool) -> wgpu::DepthStencilState {
+pub(in crate::passes) fn depth_state(device: &wgpu::Device, write: bool) -> wgpu::DepthStencilState {
     use wgpu::CompareFunction as Compare;
     wgpu::DepthStencilState {
-        format: DEPTH_FORMAT,
+        format: depth_format(device),
         depth_write_enabled: Some(write),
         depth_compare: Some(if write { Compare::Greater } else { Compare::GreaterEqual }),
         stencil: wgpu::StencilState::default(),

@@ -49,11 +49,10 @@ impl InstanceRow {
 
     /// The same row, of a part whose surface is closed or not, placed so.
     pub fn closed(self, closure: Closure, world_from_part: DAffine3) -> Self {
-        let is_mirrored = world_from_part.matrix3.determinant() < 0.0;
-        let flags = match (closure, is_mirrored) {
-            (Closure::Open, _) => 0,
-            (Closure::Closed, false) | (Closure::InsideOut, true) => Self::CLOSED,
-            (Closure::Closed, true) | (Closure::InsideOut, false) => Self::CLOSED | Self::INSIDE_OUT,
+        let flags = match is_inside_out(closure, world_from_part) {
+            None => 0,
+            Some(false) => Self::CLOSED,
+            Some(true) => Self::CLOSED | Self::INSIDE_OUT,
         };
         Self { colour: self.colour | flags, ..self }
     }
@@ -61,6 +60,16 @@ impl InstanceRow {
     /// The same row with another colour, and no flags.
     pub fn with_colour(self, [red, green, blue, _]: Colour) -> Self {
         Self { colour: u32::from_le_bytes([red, green, blue, 0]), ..self }
+    }
+}
+
+/// Whether a closed surface is inside out where it is placed so.
+pub fn is_inside_out(closure: Closure, world_from_part: DAffine3) -> Option<bool> {
+    let is_mirrored = world_from_part.matrix3.determinant() < 0.0;
+    match closure {
+        Closure::Open => None,
+        Closure::Closed => Some(is_mirrored),
+        Closure::InsideOut => Some(!is_mirrored),
     }
 }
 

@@ -162,9 +162,9 @@ impl FrameUniform {
         }
     }
 
-    /// Whether lines of sight come in by any section, so that there may be cut faces to be seen.
-    pub(crate) fn is_entered(&self) -> bool {
-        self.entries.iter().any(|entry| *entry != NO_ENTRY)
+    /// The sections that lines of sight come in by, a bit each: without any there are no cut faces to be seen.
+    pub(crate) fn entered(&self) -> u32 {
+        (0..).zip(&self.entries).fold(0, |bits, (i, entry)| bits | u32::from(*entry != NO_ENTRY) << i)
     }
 
     /// What the GPU lacks of it: without sections their rows are not looked at, and stay what they were.

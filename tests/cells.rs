@@ -277,3 +277,27 @@ fn all_triangles_are_said_to_be_done_and_the_last_of_them_after_the_parents() {
         assert!(last.contains(heard.last().unwrap()), "{heard:?}");
     }
 }
+
+/// Two fans of `sides` triangles about a rim.
+fn two_fans(sides: u32) -> SourceMesh {
+    let around = |i: u32| {
+        let angle = std::f32::consts::TAU * i as f32 / sides as f32;
+        [angle.cos(), angle.sin(), 0.0]
+    };
+    let positions = [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]].into_iter().chain((0..sides).map(around)).collect();
+    let side = |i: u32| (2 + i, 2 + (i + 1) % sides);
+    let triangles = (0..sides).map(side).flat_map(|(a, b)| [[0, a, b], [1, b, a]]).collect();
+    SourceMesh { positions, triangles, ..SourceMesh::default() }
+}
+
+#[test]
+fn fans_are_cut_from_their_middle_to_the_rim_and_not_along_it() {
+    let mesh = two_fans(6_000);
+    let grid = grid_of(&mesh).unwrap();
+    let cells = cut_to(weld(&mesh, grid), 1_000, 1 << 20);
+    assert!(cells.len() >= 6, "{} cells", cells.len());
+    for cell in &cells {
+        let locked = cell.locked.iter().filter(|&&locked| locked).count();
+        assert!(locked <= 8, "{locked} of {} positions are locked", cell.locked.len());
+    }
+}

@@ -409,7 +409,11 @@ fn a_model_is_baked_beside_itself_and_a_folder_that_cannot_be_written_is_said() 
     std::fs::remove_dir(folder.join("peterbilt.obj.clps")).unwrap();
     desk.open(&model);
     assert!(folder.join("peterbilt.obj.clps").is_file());
-    assert_eq!(desk.app().settings.recent, [model]);
+    assert_eq!(desk.app().settings.recent, [model.as_path()]);
+    assert_eq!(desk.app().title(), "peterbilt.obj - collapsar");
+    std::fs::remove_file(&model).unwrap();
+    desk.open(&model);
+    assert!(desk.says("moved or deleted") && desk.app().settings.recent.is_empty());
 }
 
 #[test]

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use clap::Args;
 use collapsar::frame::colour_by::{ColourBy, Coloured, look_of};
 use collapsar::frame::{Renderer, Settings};
+use collapsar::gpu::target::write_png;
 use collapsar::gpu::{Gpu, GpuOptions};
 use collapsar::passes::draw::{Edges, Look, MOST_PLANES, Style};
 use collapsar::scene::camera_path::Keyframes;
@@ -205,8 +206,15 @@ fn take(
         renderer.set_looks(&coloured(arguments.colour_by, scene, renderer, looks));
     }
     let record = renderer.frame(camera)?;
-    let gpu = renderer.gpu();
-    renderer.target().save_png(&gpu.device, &gpu.queue, path)?;
+    let (gpu, target) = (renderer.gpu(), renderer.target());
+    let picture = target.read_rgba(&gpu.device, &gpu.queue)?;
+    write_png(path, target.width(), target.height(), &picture)?;
+    if is_background(&picture, target.width()) {
+        tracing::warn!(
+            "there is nothing in the picture: all is hidden, cut away, or smaller than a pixel: {}",
+            path.display()
+        );
+    }
     Ok(format!(
         "{} of {} triangles in {} of {} instances: {}",
         human::count(record.active_triangles),
@@ -215,6 +223,12 @@ fn take(
         human::count(scene.instances().len() as u64),
         path.display()
     ))
+}
+
+/// Whether a picture, given as rows of RGBA, shows nothing but the background, which changes only from row to row.
+fn is_background(picture: &[u8], width: u32) -> bool {
+    let (pixels, _) = picture.as_chunks::<4>();
+    pixels.chunks(width as usize).all(|row| row.iter().all(|pixel| *pixel == row[0]))
 }
 
 fn settings(arguments: &ShotArguments) -> Settings {

@@ -39,12 +39,14 @@ fn scaled(text: &str, units: &[(&str, f64)]) -> Result<f64, String> {
     let (digits, scale) = found.unwrap_or((text, 1.0));
     let number: f64 =
         digits.trim().replace('_', "").parse().map_err(|_| format!("`{text}` is not a number"))?;
-    let names: Vec<&str> = units.iter().map(|unit| unit.0).collect();
     if number.is_finite() && number >= 0.0 {
-        Ok(number * scale)
-    } else {
-        Err(format!("must be a positive number, with {} or without", names.join(", ")))
+        return Ok(number * scale);
     }
+    let names: Vec<&str> = units.iter().map(|unit| unit.0).collect();
+    Err(match names.join(", ") {
+        names if names.is_empty() => "must be a number from 0 up".to_owned(),
+        names => format!("must be a number from 0 up, with {names} or without"),
+    })
 }
 
 /// A size in pixels: `1920x1080`.

@@ -37,6 +37,7 @@ pub fn cut_to(mesh: WeldedMesh, max_vertices: usize, max_triangles: usize) -> Ve
     let mut last_count = vec![0; mesh.wedges.len()];
     let mut counts = 0;
     let centroids = centroids(&mesh);
+    let mut sides = Vec::new();
     let mut stack = vec![(0..mesh.triangles.len() as u32).collect::<Vec<u32>>()];
     while let Some(mut piece) = stack.pop() {
         counts += 1;
@@ -46,7 +47,7 @@ pub fn cut_to(mesh: WeldedMesh, max_vertices: usize, max_triangles: usize) -> Ve
             pieces.push(piece);
             continue;
         }
-        let upper = halve(&mesh, &centroids, &mut piece);
+        let upper = halve(&mesh, &centroids, &mut piece, &mut sides);
         stack.push(upper);
         stack.push(piece);
     }
@@ -70,18 +71,46 @@ fn centroids(mesh: &WeldedMesh) -> Vec<[u32; 3]> {
     (0..count).map(sum).collect()
 }
 
-/// Keeps the lower half of a piece and returns the upper.
-fn halve(mesh: &WeldedMesh, centroids: &[[u32; 3]], piece: &mut Vec<u32>) -> Vec<u32> {
+/// Where more than this share of the triangles reaches over a cut, they are no measure of how long its border is: a fan's meet
+/// in one vertex.
+const MOST_REACHING: f64 = 0.125;
+
+/// Keeps the lower half of a piece and returns the upper. `sides` is scratch, of zeros.
+fn halve(mesh: &WeldedMesh, centroids: &[[u32; 3]], piece: &mut Vec<u32>, sides: &mut Vec<u8>) -> Vec<u32> {
     let slabs = Slabs::along_axes(mesh, centroids, piece);
-    let cut = slabs.iter().flatten().filter_map(Slabs::best_cut).min_by_key(|cut| cut.reaching);
+    let cuts = || slabs.iter().flatten().filter_map(Slabs::best_cut);
+    let mut cut = cuts().min_by_key(|cut| cut.reaching);
+    if cut.as_ref().is_some_and(|cut| f64::from(cut.reaching) > MOST_REACHING * piece.len() as f64) {
+        cut = cuts().min_by_key(|cut| shared(mesh, centroids, piece, cut, sides));
+    }
     let Some(cut) = cut else {
         // All in one slab along every axis: any half is as good as the other.
         return piece.split_off(piece.len() / 2);
     };
     // Both keep the order of the mesh, which runs along the surface.
-    let (lower, upper) = piece.iter().partition(|&&triangle| centroids[triangle as usize][cut.axis] < cut.at);
+    let (lower, upper) = piece.iter().partition(|&&triangle| cut.is_below(centroids[triangle as usize]));
     *piece = lower;
     upper
+}
+
+/// How many positions both sides of a cut have: those of its border. `sides` is scratch, of zeros.
+fn shared(mesh: &WeldedMesh, centroids: &[[u32; 3]], piece: &[u32], cut: &Cut, sides: &mut Vec<u8>) -> usize {
+    sides.resize(mesh.positions.len(), 0);
+    let mut shared = 0;
+    for &triangle in piece {
+        let side = if cut.is_below(centroids[triangle as usize]) { 1 } else { 2 };
+        for position in mesh.corner_positions(mesh.triangles[triangle as usize]) {
+            let sides = &mut sides[position as usize];
+            shared += usize::from(*sides == 3 - side);
+            *sides |= side;
+        }
+    }
+    for &triangle in piece {
+        for position in mesh.corner_positions(mesh.triangles[triangle as usize]) {
+            sides[position as usize] = 0;
+        }
+    }
+    shared
 }
 
 /// The corners of a triangle, in grid steps.
@@ -123,6 +152,13 @@ struct Cut {
     at: u32,
     /// How many triangles reach over it: what the new border is about as long as.
     reaching: i32,
+}
+
+impl Cut {
+    /// Whether a triangle with that centroid is on the lower side.
+    fn is_below(&self, centroid: [u32; 3]) -> bool {
+        centroid[self.axis] < self.at
+    }
 }
 
 impl Slabs {

@@ -145,7 +145,7 @@ impl App {
         let loaded = match finished {
             Ok(Some(loaded)) => loaded,
             Ok(None) => return self.messages.say(stopped(&file)),
-            Err(why) => return self.messages.fail(Attempt::Open, why),
+            Err(why) => return self.say_not_opened(&file, why),
         };
         self.messages.done(Attempt::Open);
         let Some(gpu) = &self.gpu else { return };
@@ -156,6 +156,31 @@ impl App {
         let file = self.document.as_ref().map(|document| document.loaded.file.clone()).unwrap_or_default();
         self.layout.route.model_opened(&self.store, &file);
         self.save_settings();
+    }
+
+    fn say_not_opened(&mut self, file: &Path, why: String) {
+        let is_gone = file.try_exists().is_ok_and(|exists| !exists);
+        let text = if is_gone && self.settings.forget(file) {
+            self.save_settings();
+            let file = file.display();
+            format!(
+                "the file was moved or deleted, and is no longer among those opened last; open it where it is now: {file}"
+            )
+        } else {
+            why
+        };
+        self.messages.fail(Attempt::Open, text);
+    }
+
+    /// What the window is called.
+    pub fn title(&self) -> String {
+        match &self.document {
+            Some(document) => {
+                let name = document.loaded.file.file_name().unwrap_or_default();
+                format!("{} - collapsar", name.to_string_lossy())
+            }
+            None => "collapsar".to_owned(),
+        }
     }
 
     fn take(&mut self, event: Happened) {

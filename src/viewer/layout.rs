@@ -321,6 +321,7 @@ impl Panels<'_> {
             reading,
             bounds: self.document.bounds_of_watched(),
             counts: self.document.loaded.counts,
+            units: self.settings.units,
         };
         properties::show(ui, &of);
     }
@@ -366,7 +367,7 @@ impl Panels<'_> {
             Pane::Cuts => {
                 let bounds = *self.document.scene().bounds();
                 let forward = self.document.navigation.camera().forward();
-                cuts::show(ui, &mut self.document.cuts, &bounds, forward);
+                cuts::show(ui, &mut self.document.cuts, (&bounds, &self.settings.units), forward);
             }
             Pane::Measure => self.measure(ui),
             Pane::Route => {

@@ -220,6 +220,14 @@ impl Settings {
         self.recent.truncate(MOST_RECENT);
     }
 
+    /// Takes a file that is not there any more off the list of those that were opened last; says whether it was on it.
+    pub fn forget(&mut self, file: &Path) -> bool {
+        let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
+        let known = self.recent.len();
+        self.recent.retain(|known| *known != file);
+        self.recent.len() < known
+    }
+
     /// Numbers that make sense, whatever the file said.
     fn sane(self) -> Self {
         let within = |value: f32, low: f32, high: f32, otherwise: f32| {

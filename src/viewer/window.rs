@@ -270,6 +270,10 @@ impl Shell {
         let app = &mut self.app;
         let mut output = self.context.run_ui(input, |ui| app.show(ui, texture));
         shown.input.handle_platform_output(&shown.window, std::mem::take(&mut output.platform_output));
+        let title = self.app.title();
+        if shown.window.title() != title {
+            shown.window.set_title(&title);
+        }
         self.next = self.when(&output);
         let shapes = std::mem::take(&mut output.shapes);
         Some(Layout {

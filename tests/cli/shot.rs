@@ -49,6 +49,24 @@ fn a_model_is_baked_beside_itself_and_shown_from_every_side() {
 }
 
 #[test]
+fn a_picture_of_nothing_is_written_and_said_to_be_one() {
+    if !has_gpu("a_picture_of_nothing_is_written_and_said_to_be_one") {
+        return;
+    }
+    let workplace = Workplace::new();
+    workplace.write("cube.obj", CUBE);
+    let shot = ["shot", "cube.obj", "--size", "160x120", "-o", "picture.png"];
+    let says_so = |arguments: &[&str]| {
+        let ended = workplace.run(&[&shot[..], arguments].concat()).succeeded();
+        assert_eq!(size_of(&workplace, "picture.png"), (160, 120));
+        ended.err.contains("nothing in the picture")
+    };
+    assert!(!says_so(&[]));
+    assert!(says_so(&["--section", "x=200%"]));
+    assert!(says_so(&["--hide", "cube", "--hide", "pin"]));
+}
+
+#[test]
 fn a_turntable_goes_once_round() {
     if !has_gpu("a_turntable_goes_once_round") {
         return;

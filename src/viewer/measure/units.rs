@@ -70,6 +70,18 @@ impl Units {
         length * (scale * self.model.metres() / self.shown.metres())
     }
 
+    /// A length of the model with about five digits, without its unit.
+    pub fn short(&self, length: f64) -> String {
+        let length = self.convert(length);
+        let digits = (4.0 - length.abs().max(1e-12).log10().floor()).clamp(0.0, 9.0) as usize;
+        if length == 0.0 { "0".to_owned() } else { format!("{length:.digits$}") }
+    }
+
+    /// The sides of a box of the model, as in `1.2000 × 3.0000 × 0.50000 m`.
+    pub fn size(&self, [x, y, z]: [f64; 3]) -> String {
+        format!("{} × {} × {} {}", self.short(x), self.short(y), self.short(z), self.shown.word())
+    }
+
     /// A length of the model and its error, as in `12.34 ± 0.05 mm`.
     pub fn format(&self, length: f64, error: f64) -> String {
         format!("{} {}", with_error(self.convert(length), self.convert(error)), self.shown.word())
@@ -124,6 +136,17 @@ fn plain(value: f64, decimals: i32) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lengths_without_an_error_have_about_five_digits() {
+        let short = |length| Units::default().short(length);
+        assert_eq!(short(12.345678), "12.346");
+        assert_eq!(short(123_456.7), "123457");
+        assert_eq!(short(0.0), "0");
+        assert_eq!(short(0.001_234_56), "0.0012346");
+        let shown = Units { shown: Unit::Mm, ..Units::default() };
+        assert_eq!(shown.size([1.0, 0.25, 0.0]), "1000.0 × 250.00 × 0 mm");
+    }
     use proptest::prelude::*;
 
     #[test]

@@ -6,11 +6,13 @@ use glam::DVec3;
 use crate::passes::draw::MOST_PLANES;
 use crate::scene::Bounds;
 use crate::viewer::cuts::{Boxed, Cuts, Facing, Plane};
+use crate::viewer::measure::units::Units;
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// Shows the cuts, and has new ones face somebody who looks `forward`; says whether they changed.
-pub fn show(ui: &mut Ui, cuts: &mut Cuts, bounds: &Bounds, forward: DVec3) -> bool {
+/// Shows the cuts of a model with that box, told in those units, and has new ones face somebody who looks `forward`; says
+/// whether they changed.
+pub fn show(ui: &mut Ui, cuts: &mut Cuts, (bounds, units): (&Bounds, &Units), forward: DVec3) -> bool {
     let before = cuts.clone();
     ui.horizontal(|ui| {
         ui.label("Add a plane across");
@@ -24,7 +26,7 @@ pub fn show(ui: &mut Ui, cuts: &mut Cuts, bounds: &Bounds, forward: DVec3) -> bo
     let mut removed = None;
     for (number, plane) in cuts.planes.iter_mut().enumerate() {
         ui.push_id(number, |ui| {
-            if plane_row(ui, plane, number, bounds) {
+            if plane_row(ui, plane, number, (bounds, units)) {
                 removed = Some(number);
             }
         });
@@ -33,7 +35,7 @@ pub fn show(ui: &mut Ui, cuts: &mut Cuts, bounds: &Bounds, forward: DVec3) -> bo
         cuts.planes.remove(number);
     }
     ui.separator();
-    box_rows(ui, cuts);
+    box_rows(ui, cuts, (bounds, units));
     if cuts.planes.is_empty() && cuts.boxed.is_none() {
         ui.weak("Nothing is cut. A click on a face with Alt held cuts along it.");
     }
@@ -41,7 +43,7 @@ pub fn show(ui: &mut Ui, cuts: &mut Cuts, bounds: &Bounds, forward: DVec3) -> bo
 }
 
 /// One plane; says whether it is to go.
-fn plane_row(ui: &mut Ui, plane: &mut Plane, number: usize, bounds: &Bounds) -> bool {
+fn plane_row(ui: &mut Ui, plane: &mut Plane, number: usize, (bounds, units): (&Bounds, &Units)) -> bool {
     ui.horizontal(|ui| {
         let name = match plane.facing {
             Facing::Axis(axis) => format!("Plane {} across {}", number + 1, AXES[axis]),
@@ -56,8 +58,7 @@ fn plane_row(ui: &mut Ui, plane: &mut Plane, number: usize, bounds: &Bounds) -> 
             ui.spacing_mut().slider_width = (ui.available_width() - 110.0).max(60.0);
             ui.add(Slider::new(&mut plane.share, 0.0..=1.0).show_value(false));
             let mut place = plane.place(bounds);
-            let speed = bounds.scale() * 1e-3;
-            if ui.add(DragValue::new(&mut place).speed(speed).max_decimals(4)).changed() {
+            if place_value(ui, &mut place, (bounds, units)) {
                 plane.set_place(place, bounds);
             }
             false
@@ -65,7 +66,19 @@ fn plane_row(ui: &mut Ui, plane: &mut Plane, number: usize, bounds: &Bounds) -> 
         .inner
 }
 
-fn box_rows(ui: &mut Ui, cuts: &mut Cuts) {
+/// A place along an axis, to be dragged or typed in the shown unit; says whether it was.
+fn place_value(ui: &mut Ui, place: &mut f64, (bounds, units): (&Bounds, &Units)) -> bool {
+    let one = units.convert(1.0);
+    let mut shown = *place * one;
+    let value = DragValue::new(&mut shown).speed(bounds.scale() * one * 1e-3).max_decimals(4);
+    let is_changed = ui.add(value.suffix(format!(" {}", units.shown.word()))).changed();
+    if is_changed {
+        *place = shown / one;
+    }
+    is_changed
+}
+
+fn box_rows(ui: &mut Ui, cuts: &mut Cuts, (bounds, units): (&Bounds, &Units)) {
     let mut is_on = cuts.boxed.is_some();
     if ui.checkbox(&mut is_on, "Box").changed() {
         cuts.boxed = is_on.then(Boxed::default);
@@ -79,5 +92,21 @@ fn box_rows(ui: &mut Ui, cuts: &mut Cuts) {
             ui.add(Slider::new(&mut boxed.high[axis], 0.0..=1.0).show_value(false));
             boxed.high[axis] = boxed.high[axis].max(boxed.low[axis]);
         });
+        ui.horizontal(|ui| {
+            let (low, extent) = (bounds.low[axis], bounds.extent()[axis]);
+            ui.label("from");
+            box_side(ui, &mut boxed.low[axis], (low, extent), (bounds, units));
+            ui.label("to");
+            box_side(ui, &mut boxed.high[axis], (low, extent), (bounds, units));
+            boxed.high[axis] = boxed.high[axis].max(boxed.low[axis]);
+        });
+    }
+}
+
+/// Where a side of the box lies: a share of an extent that begins at `low`.
+fn box_side(ui: &mut Ui, share: &mut f64, (low, extent): (f64, f64), of: (&Bounds, &Units)) {
+    let mut place = low + extent * *share;
+    if place_value(ui, &mut place, of) && extent > 0.0 {
+        *share = ((place - low) / extent).clamp(0.0, 1.0);
     }
 }

@@ -4,6 +4,7 @@ use egui::{Grid, Ui};
 
 use crate::scene::{Bounds, Scene, SceneCounts};
 use crate::stats::report::human;
+use crate::viewer::measure::units::Units;
 use crate::viewer::reading::Reading;
 
 /// What is selected.
@@ -21,12 +22,14 @@ pub struct Selected<'a> {
     pub bounds: Bounds,
     /// How large the model is.
     pub counts: SceneCounts,
+    /// What lengths are told in.
+    pub units: Units,
 }
 
 /// Shows it.
 pub fn show(ui: &mut Ui, selected: &Selected<'_>) {
     let Some(instance) = selected.instance else {
-        model(ui, selected.scene, &selected.counts);
+        model(ui, selected);
         return;
     };
     if selected.count > 1 {
@@ -44,14 +47,14 @@ pub fn show(ui: &mut Ui, selected: &Selected<'_>) {
     });
 }
 
-fn model(ui: &mut Ui, scene: &Scene, counts: &SceneCounts) {
+fn model(ui: &mut Ui, Selected { scene, counts, units, .. }: &Selected<'_>) {
     let rows = [
         ("Model", scene.file_name()),
         ("Parts", human::count(counts.parts)),
         ("Instances", human::count(counts.instances)),
         ("Triangles", human::count(counts.triangles_placed)),
         ("File", human::bytes(counts.file_bytes)),
-        ("Size", size(scene.bounds())),
+        ("Size", units.size(scene.bounds().extent().to_array())),
     ];
     Grid::new("model").num_columns(2).striped(true).show(ui, |ui| {
         for (name, value) in rows {
@@ -86,7 +89,7 @@ pub fn rows(selected: &Selected<'_>, instance: u32) -> Vec<(&'static str, String
             ),
         ),
         ("Triangles", human::count(part.triangles.into())),
-        ("Size", size(&selected.bounds)),
+        ("Size", selected.units.size(selected.bounds.extent().to_array())),
         (
             "Surface",
             match part.closure() {
@@ -117,29 +120,4 @@ fn drawn(reading: &Reading) -> Vec<(&'static str, String)> {
         ("Drawn", format!("{triangles} of {of_triangles} triangles")),
         ("In memory", arrived),
     ]
-}
-
-/// The sides of a box, in the model's unit.
-fn size(bounds: &Bounds) -> String {
-    let extent = bounds.extent();
-    format!("{} × {} × {}", short(extent.x), short(extent.y), short(extent.z))
-}
-
-/// A length with about five digits.
-fn short(length: f64) -> String {
-    let digits = (4.0 - length.abs().max(1e-12).log10().floor()).clamp(0.0, 9.0) as usize;
-    format!("{length:.digits$}")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lengths_have_about_five_digits() {
-        assert_eq!(short(12.345678), "12.346");
-        assert_eq!(short(123_456.7), "123457");
-        assert_eq!(short(0.0), "0.000000000");
-        assert_eq!(short(0.001_234_56), "0.0012346");
-    }
 }

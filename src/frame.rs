@@ -26,6 +26,7 @@ mod squeeze;
 mod wants;
 
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -156,6 +157,8 @@ pub struct Renderer {
     /// Whether this frame has nothing to do but to draw.
     settled: bool,
     frame: u64,
+    /// Set when nobody waits any more for what is to be read.
+    stop: &'static AtomicBool,
     /// What `whole` sends a frame, the camera apart.
     bytes_of_whole: u64,
     /// What was sent of camera, boxes and looks in this frame, whatever the strategy.
@@ -228,6 +231,7 @@ impl Renderer {
             changed: false,
             settled: false,
             frame: 0,
+            stop: &NEVER,
             bytes_of_whole: 0,
             bytes_of_view: 0,
             drawn_area_permille: 0,
@@ -353,7 +357,7 @@ impl Renderer {
             self.ask(camera, has_moved, &changes);
             self.prefetch();
             if self.settings.settle {
-                self.residency.settle()?;
+                self.residency.settle_unless(self.stop)?;
             }
             self.choose(!changes.is_empty());
             self.pending = self.residency.is_waiting() || self.is_held_back;
@@ -543,6 +547,11 @@ impl Renderer {
         self.residency.part(part)
     }
 
+    /// Frames that wait until all they want has been read end once this is set, with what there is.
+    pub fn stop_waiting_when(&mut self, stop: &'static AtomicBool) {
+        self.stop = stop;
+    }
+
     /// The camera of the last frame.
     pub fn camera(&self) -> Option<Camera> {
         self.shown
@@ -572,6 +581,9 @@ impl Renderer {
         rows
     }
 }
+
+/// Of a renderer that nobody stops.
+static NEVER: AtomicBool = AtomicBool::new(false);
 
 fn instance_row(scene: &Scene, number: u32) -> InstanceRow {
     let instance = &scene.instances()[number as usize];

@@ -134,6 +134,8 @@ pub fn run(arguments: &FlyArguments) -> Result<(), Failure> {
         return Err(Failure::Argument("--png needs a folder for the pictures: add --out DIR".to_owned()));
     }
     let path = CameraPath::parse(&arguments.path)?;
+    // From here on Ctrl-C is heard.
+    interrupt::flag();
     let started = Instant::now();
     // The device is opened meanwhile; what is wrong with the container is told first.
     let opened = std::thread::scope(|scope| {
@@ -239,6 +241,7 @@ pub fn fly(
 ) -> Result<Summary, Failure> {
     let started = Instant::now();
     let mut renderer = Renderer::new(Arc::clone(gpu), Arc::clone(scene), plan.settings)?;
+    renderer.stop_waiting_when(interrupt::flag());
     let mut records: Vec<FrameRecord> = Vec::new();
     let mut hashes = Hashes::default();
     let bar = progress_bar(plan);

@@ -45,7 +45,7 @@ fn scaled(text: &str, units: &[(&str, f64)]) -> Result<f64, String> {
     let names: Vec<&str> = units.iter().map(|unit| unit.0).collect();
     Err(match names.join(", ") {
         names if names.is_empty() => "must be a number from 0 up".to_owned(),
-        names => format!("must be a number from 0 up, with {names} or without"),
+        names => format!("must be a positive number, with {names} or without"),
     })
 }
 

@@ -299,7 +299,7 @@ impl Readers {
         Read::Part(Box::new(part))
     }
 
-    /// Waits as long as a slow disk would take.
+    /// Waits as long as a slow disk would take, unless the lists are closed.
     fn pace(&self, bytes: u64) {
         let Some(rate) = self.read_rate else { return };
         let until = {
@@ -307,7 +307,10 @@ impl Readers {
             *free_at = (*free_at).max(Instant::now()) + Duration::from_secs_f64(bytes as f64 / rate as f64);
             *free_at
         };
-        std::thread::sleep(until.saturating_duration_since(Instant::now()));
+        let mut todo = self.todo.lock();
+        while !todo.closed && Instant::now() < until {
+            self.changed.wait_until(&mut todo, until);
+        }
     }
 }
 

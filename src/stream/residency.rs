@@ -14,6 +14,7 @@
 
 use std::cmp::Reverse;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -494,7 +495,15 @@ impl Residency {
     /// # Errors
     /// A damaged chunk, or [`ResidencyError::WorkersGone`].
     pub fn settle(&mut self) -> Result<(), ResidencyError> {
-        while self.is_waiting() {
+        self.settle_unless(&AtomicBool::new(false))
+    }
+
+    /// The same, unless it is stopped before.
+    ///
+    /// # Errors
+    /// As [`Residency::settle`].
+    pub fn settle_unless(&mut self, stop: &AtomicBool) -> Result<(), ResidencyError> {
+        while self.is_waiting() && !stop.load(Ordering::Relaxed) {
             match self.arrivals.recv_timeout(Duration::from_millis(200)) {
                 Ok(arrivals) => self.accept(arrivals)?,
                 // A worker ends only when this is dropped, or by a panic, and then its request never arrives.

@@ -489,7 +489,8 @@ impl App {
             }
             Action::ToggleSection => {
                 let bounds = *document.scene().bounds();
-                document.cuts.toggle(&bounds);
+                let forward = document.navigation.camera().forward();
+                document.cuts.toggle(&bounds, forward);
             }
             action => self.layout.act(document, action),
         }

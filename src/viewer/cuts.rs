@@ -120,15 +120,16 @@ impl Cuts {
         has_room
     }
 
-    /// All cuts off, or the last ones on; a first plane across the longest axis if there is none.
-    pub fn toggle(&mut self, bounds: &Bounds) {
+    /// All cuts off, or the last ones on; if there is none, a first plane across the longest axis, so that one who looks
+    /// `forward` sees the cut.
+    pub fn toggle(&mut self, bounds: &Bounds, forward: DVec3) {
         if self.any() {
             self.planes.iter_mut().for_each(|plane| plane.is_on = false);
             self.boxed = None;
         } else if self.planes.is_empty() {
             let extent = bounds.extent();
             let longest = (0..3).max_by(|&a, &b| extent[a].total_cmp(&extent[b])).unwrap_or(0);
-            self.planes.push(Plane::across(longest));
+            self.planes.push(Plane::facing(longest, forward));
         } else {
             self.planes.iter_mut().for_each(|plane| plane.is_on = true);
         }
@@ -160,7 +161,7 @@ mod tests {
     fn planes_cut_where_they_say() {
         let mut cuts = Cuts::default();
         assert!(cuts.keeps(DVec3::splat(1e9), &BOUNDS));
-        cuts.toggle(&BOUNDS);
+        cuts.toggle(&BOUNDS, DVec3::X);
         assert_eq!(cuts.planes[0].facing, Facing::Axis(0));
         assert_eq!(cuts.planes[0].place(&BOUNDS), 1.0);
         assert!(cuts.keeps(DVec3::new(2.0, 0.0, 0.0), &BOUNDS) && !cuts.keeps(DVec3::ZERO, &BOUNDS));
@@ -168,10 +169,13 @@ mod tests {
         assert!(cuts.keeps(DVec3::ZERO, &BOUNDS) && !cuts.keeps(DVec3::new(2.0, 0.0, 0.0), &BOUNDS));
         cuts.planes[0].set_place(-0.5, &BOUNDS);
         assert!((cuts.planes[0].share - 0.125).abs() < 1e-12);
-        cuts.toggle(&BOUNDS);
+        cuts.toggle(&BOUNDS, DVec3::X);
         assert!(!cuts.any() && cuts.sections(&BOUNDS).is_empty());
-        cuts.toggle(&BOUNDS);
+        cuts.toggle(&BOUNDS, DVec3::X);
         assert!(cuts.any());
+        let mut cuts = Cuts::default();
+        cuts.toggle(&BOUNDS, DVec3::NEG_X);
+        assert!(cuts.planes[0].is_turned, "from the right the right half goes");
     }
 
     #[test]

@@ -68,6 +68,19 @@ fn a_part_of_several_cells_stops_between_two() {
 }
 
 #[test]
+fn a_flight_that_waits_for_a_slow_disk_is_interrupted_at_once() {
+    if !has_gpu("a_flight_that_waits_for_a_slow_disk_is_interrupted_at_once") {
+        return;
+    }
+    let place = Workplace::new();
+    let bundled = format!("{}/datasets/peterbilt.obj", env!("CARGO_MANIFEST_DIR"));
+    place.bake(&bundled, "truck.clps");
+    let fly = ["fly", "truck.clps", "--read-rate", "100B", "--size", "64x64"];
+    let outcome = interrupted_after(&place, &fly, Duration::from_secs(3));
+    outcome.failed_with(130, &["interrupted; the flight's numbers were not written"]);
+}
+
+#[test]
 fn an_interrupted_bake_keeps_the_older_container() {
     let place = Workplace::new();
     place.write("model.obj", obj(&[patched_box(2)]));

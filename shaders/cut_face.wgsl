@@ -72,9 +72,9 @@ fn painted(corner: CutFaceCorner, front: bool) -> vec4<f32> {
     return lit(hatched(corner.colour, corner.clip.xy), normal, to_eye_from(corner.relative));
 }
 
-// Fronts are counted and never the nearest.
+// Fronts are counted and never the nearest; backs are in front of the background, wherever the middle of the pixel lies.
 fn depth_of(corner: CutFaceCorner, front: bool) -> f32 {
-    return select(0.0, corner.clip.z, is_back(front));
+    return select(0.0, max(corner.clip.z, 1e-30), is_back(front));
 }
 
 struct CutFacePixel {

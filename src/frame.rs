@@ -36,7 +36,7 @@ use crate::gpu::target::{Target, TargetError};
 use crate::gpu::timer::Timer;
 use crate::gpu::{Gpu, GpuError};
 use crate::passes::depth_cue::DepthCuePass;
-use crate::passes::draw::{DrawPass, FrameUniform, InstanceRow, Style};
+use crate::passes::draw::{Asked, DrawPass, FrameUniform, InstanceRow, Style};
 use crate::passes::pick::PickPass;
 use crate::reference::select::SelectView;
 use crate::scene::Scene;
@@ -157,6 +157,8 @@ pub struct Renderer {
     /// Whether this frame has nothing to do but to draw.
     settled: bool,
     frame: u64,
+    /// What the last frame asked of the draw pass.
+    drawn_as: Asked,
     /// Set when nobody waits any more for what is to be read.
     stop: &'static AtomicBool,
     /// What `whole` sends a frame, the camera apart.
@@ -231,6 +233,7 @@ impl Renderer {
             changed: false,
             settled: false,
             frame: 0,
+            drawn_as: Asked::default(),
             stop: &NEVER,
             bytes_of_whole: 0,
             bytes_of_view: 0,

@@ -203,6 +203,30 @@ fn without_a_stencil_sections_cut_and_leave_open_what_they_cut() {
     assert!((picked[0] - 0.01).abs() < 1e-3 && (picked[1] + 1.0).abs() < 1e-2, "{picked:?}");
 }
 
+#[test]
+fn cut_faces_follow_the_camera_beside_ghosts_and_with_any_number_of_sections() {
+    let Some(gpu) = gpu("cut_faces_follow_the_camera_beside_ghosts_and_with_any_number_of_sections") else {
+        return;
+    };
+    let scene = spheres(2);
+    let behind = StandardView::Back.orientation(UpAxis::Y);
+    let behind = views::fit(scene.bounds(), scene.bounds(), behind, Projection::Parallel, 1.0);
+    let cameras = [(front(&scene), 0.01), (behind, -1.0), (front(&scene), 0.01)];
+    let mut renderer = Renderer::new(gpu, Arc::clone(&scene), settings()).unwrap();
+    for (sections, other) in [(1, Look::default()), (9, Look::default()), (1, Look::GHOST), (9, Look::GHOST)]
+    {
+        renderer.set_looks(&[Look::default(), other]);
+        let section = |i: u32| Section { point: DVec3::Z * 0.01 * f64::from(i + 1), normal: DVec3::NEG_Z };
+        renderer.set_style(Style { sections: (0..sections).map(section).collect(), ..Style::default() });
+        for (camera, expected) in &cameras {
+            settle(&mut renderer, camera);
+            let pick = renderer.pick(pixel_of(camera, DVec3::ZERO)).unwrap().unwrap();
+            let z = pick.point.z;
+            assert!((z - expected).abs() < 1e-2, "{sections} sections, {other:?}: {z} for {expected}");
+        }
+    }
+}
+
 fn sections_are_closed(gpu: &Arc<Gpu>) {
     let scene = spheres(1);
     assert_eq!(scene.parts()[0].closure(), Closure::Closed);

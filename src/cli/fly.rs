@@ -245,16 +245,21 @@ pub fn fly(
     let mut records: Vec<FrameRecord> = Vec::new();
     let mut hashes = Hashes::default();
     let bar = progress_bar(plan);
+    let stop = interrupt::flag();
+    let is_stopped = || match stop.load(Ordering::Relaxed) {
+        true => Err(Failure::Interrupted("the flight's numbers were not written")),
+        false => Ok(()),
+    };
     for frame in 0..plan.frames {
-        if interrupt::flag().load(Ordering::Relaxed) {
-            return Err(Failure::Interrupted("the flight's numbers were not written"));
-        }
+        is_stopped()?;
         if let Some(fps) = plan.fps {
             let due = Duration::from_secs_f64(frame as f64 / fps as f64);
             std::thread::sleep(due.saturating_sub(started.elapsed()));
         }
         let camera = plan.path.camera(frame, plan.frames, scene.bounds());
         let mut record = renderer.frame(&camera)?;
+        // It may have ended before it had all that it wants.
+        is_stopped()?;
         record.elapsed_ms = 1e3 * (plan.opening.all + started.elapsed()).as_secs_f64();
         if plan.hash {
             hashes.add(&renderer, record.compute_passes > 0 || record.bytes_sent > 0)?;

@@ -225,10 +225,12 @@ fn take(
     ))
 }
 
-/// Whether a picture, given as rows of RGBA, shows nothing but the background, which changes only from row to row.
+/// Whether a picture, given as rows of RGBA, shows nothing but the background, which changes from row to row and nowhere else.
+/// A picture of one column or one row does not tell.
 fn is_background(picture: &[u8], width: u32) -> bool {
     let (pixels, _) = picture.as_chunks::<4>();
-    pixels.chunks(width as usize).all(|row| row.iter().all(|pixel| *pixel == row[0]))
+    let changes = pixels.first() != pixels.last();
+    width > 1 && changes && pixels.chunks(width as usize).all(|row| row.iter().all(|pixel| *pixel == row[0]))
 }
 
 fn settings(arguments: &ShotArguments) -> Settings {

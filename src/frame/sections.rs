@@ -27,7 +27,7 @@ enum Fate {
 }
 
 /// What sections do to every instance.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 struct Fates {
     /// A bit for each instance of which everything goes; no bits without sections.
     gone: Vec<u64>,
@@ -75,7 +75,8 @@ impl Taken {
         let is_entered = |&(i, _): &(u32, &Section)| entered >> i & 1 != 0;
         let sections: Vec<Section> =
             (0..).zip(&self.sections).filter(is_entered).map(|(_, &section)| section).collect();
-        self.of_entered = self.fates_by(&sections, scene);
+        self.of_entered =
+            if sections == self.sections { self.fates.clone() } else { self.fates_by(&sections, scene) };
         self.is_current = false;
     }
 
@@ -100,7 +101,7 @@ impl Taken {
     /// Finds what is drawn of so many batches, given the instances that the GPU holds something of, ascending, and of all
     /// instances how much. Instances are dealt to the batches in turn.
     pub fn find_ranges(&mut self, scene: &Scene, batches: usize, held: &[u32], states: &[State]) {
-        if std::mem::replace(&mut self.is_current, true) {
+        if std::mem::replace(&mut self.is_current, true) || self.sections.is_empty() {
             return;
         }
         let own = |batch: usize| {
@@ -110,19 +111,30 @@ impl Taken {
         let of_batch =
             |batch| ranges(own(batch).map(|(instance, triangles)| (self.fates.of(instance), triangles)));
         self.ranges = (0..batches).map(of_batch).collect();
-        let stretches = |batch, inside_out| {
-            let is_needed = |instance| {
-                let has_face = self.of_entered.of(instance) == Fate::Cut;
-                has_face && facing(scene, instance) == Some(inside_out)
-            };
-            let needed = own(batch).map(|(instance, triangles)| (is_needed(instance), triangles));
-            stretches(needed, true).into_iter().filter(|(is_needed, _)| *is_needed).map(|(_, range)| range)
+        let of_batch = |batch| {
+            let [as_is, inside_out] = [false, true].map(|inside_out| {
+                let part_in = |instance| self.part_in(scene, instance, inside_out);
+                cut_face_ranges(own(batch).map(|(instance, triangles)| (part_in(instance), triangles)))
+            });
+            CutFaceRanges { as_is, inside_out }
         };
-        let of_batch = |batch| CutFaceRanges {
-            as_is: stretches(batch, false).collect(),
-            inside_out: stretches(batch, true).collect(),
+        self.cut_faces = match self.entered {
+            0 => vec![CutFaceRanges::default(); batches],
+            _ => (0..batches).map(of_batch).collect(),
         };
-        self.cut_faces = (0..batches).map(of_batch).collect();
+    }
+
+    /// What an instance has to do with the cut faces of what is placed inside out, or as it is.
+    fn part_in(&self, scene: &Scene, instance: u32, inside_out: bool) -> Part {
+        let facing = facing(scene, instance);
+        let is_cut = self.of_entered.of(instance) == Fate::Cut && self.fates.of(instance) != Fate::Gone;
+        if is_cut && facing == Some(inside_out) {
+            return Part::Needed;
+        }
+        // Of a surface that several cells have together, some alone would be an open one.
+        let part = &scene.parts()[scene.instances()[instance as usize].part as usize];
+        let is_whole = part.is_root() && !part.is_parent();
+        if is_whole || facing != Some(inside_out) { Part::Harmless } else { Part::Barred }
     }
 
     /// What is drawn, by batch.
@@ -168,6 +180,17 @@ impl Fates {
             }
         }
     }
+}
+
+/// What an instance has to do with cut faces.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Part {
+    /// They may be made of it.
+    Needed,
+    /// It changes nothing: its fronts and backs are equally many, or it is left out by the pass.
+    Harmless,
+    /// It may not be among them.
+    Barred,
 }
 
 /// Whether an instance of a closed part is inside out.
@@ -221,7 +244,7 @@ fn fate(of: &InstanceBox, sections: &[Section]) -> Fate {
 fn ranges(instances: impl Iterator<Item = (Fate, u32)>) -> Ranges {
     let mut found = Ranges::default();
     // To be cut is right for any triangle.
-    for (fate, range) in stretches(instances, Fate::Cut) {
+    for (fate, range) in stretches(instances, |_| Fate::Cut) {
         match fate {
             Fate::Kept => found.kept.push(range),
             Fate::Cut => found.cut.push(range),
@@ -231,17 +254,24 @@ fn ranges(instances: impl Iterator<Item = (Fate, u32)>) -> Ranges {
     found
 }
 
+/// The triangles of a batch that cut faces are made of, given what its instances have to do with them, and their triangles.
+fn cut_face_ranges(instances: impl Iterator<Item = (Part, u32)>) -> Vec<Range<u32>> {
+    let coarser = |part| if part == Part::Harmless { Part::Needed } else { part };
+    let stretches = stretches(instances, coarser).into_iter();
+    stretches.filter(|(part, _)| *part == Part::Needed).map(|(_, range)| range).collect()
+}
+
 /// The stretches of triangles of one fate, given the fates and triangles of instances in their order. What is too little to be
-/// drawn apart has the fate that is right for all.
+/// drawn apart has the fate that `coarser` makes of its own.
 fn stretches<T: Copy + PartialEq>(
     instances: impl Iterator<Item = (T, u32)>,
-    for_all: T,
+    coarser: impl Fn(T) -> T,
 ) -> Vec<(T, Range<u32>)> {
     let all = joined(instances);
     let total: u32 = all.iter().map(|(_, triangles)| triangles).sum();
     let least = if all.len() <= MOST_STRETCHES as usize { 0 } else { 2 * total.div_ceil(MOST_STRETCHES) };
-    let coarser = all.into_iter().map(|(fate, triangles)| match triangles < least {
-        true => (for_all, triangles),
+    let coarse = all.into_iter().map(|(fate, triangles)| match triangles < least {
+        true => (coarser(fate), triangles),
         false => (fate, triangles),
     });
     let mut start = 0;
@@ -250,7 +280,7 @@ fn stretches<T: Copy + PartialEq>(
         start = range.end;
         (fate, range)
     };
-    joined(coarser).into_iter().map(placed).collect()
+    joined(coarse).into_iter().map(placed).collect()
 }
 
 /// Neighbours of the same fate as one.
@@ -292,6 +322,29 @@ mod tests {
             let asked = instances.iter().flat_map(|&(fate, triangles)| vec![fate; triangles as usize]);
             for (triangle, (drawn, asked)) in drawn.into_iter().zip(asked).enumerate() {
                 prop_assert!(drawn == asked || drawn == Fate::Cut, "triangle {}: {:?} {:?}", triangle, drawn, asked);
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn cut_faces_are_made_of_all_that_is_needed_and_of_nothing_that_is_barred(
+            parts in proptest::collection::vec(
+                (prop_oneof![Just(Part::Needed), Just(Part::Harmless), Just(Part::Barred)], 0u32..400),
+                0..2000,
+            )
+        ) {
+            let mut ranges = cut_face_ranges(parts.iter().copied()).into_iter().peekable();
+            let mut triangle = 0;
+            for (part, triangles) in parts {
+                while ranges.next_if(|range| range.end <= triangle).is_some() {}
+                let own = triangle..triangle + triangles;
+                let (is_in, touches) = ranges.peek().map_or((false, false), |range| {
+                    (range.start <= own.start && own.end <= range.end, range.start < own.end)
+                });
+                prop_assert!(own.is_empty() || part != Part::Needed || is_in, "{:?} {:?}", part, own);
+                prop_assert!(own.is_empty() || part != Part::Barred || !touches, "{:?} {:?}", part, own);
+                triangle = own.end;
             }
         }
     }

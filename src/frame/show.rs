@@ -76,6 +76,7 @@ impl Renderer {
             return Ok(());
         }
         let asked = self.asked();
+        self.drawn_as = asked;
         self.draw.prepare(&self.gpu.device, asked);
         self.find_ranges(asked);
         // A ghost covers some of its samples, whether it is cut or not.
@@ -101,7 +102,7 @@ impl Renderer {
     /// Brings up to date what sections take away.
     fn find_ranges(&mut self, asked: Asked) {
         if asked.cut != Cut::No {
-            let entered = self.uniform.map_or(0, |uniform| uniform.entered());
+            let entered = self.uniform.filter(|_| asked.cut_faces).map_or(0, |uniform| uniform.entered());
             self.taken.enter(entered, &self.scene);
             self.taken.find_ranges(&self.scene, self.batches.len(), &self.held, &self.states);
         }
@@ -192,8 +193,8 @@ impl Renderer {
         if x >= size[0] || y >= size[1] {
             return Ok(None);
         }
-        let asked = self.asked();
-        self.find_ranges(asked);
+        // Of the last frame, whatever the style has become since.
+        let asked = self.drawn_as;
         let batches = drawn(&self.batches, None, asked.cut_faces.then(|| self.taken.cut_faces()));
         let list = DrawList { asked, batches: &batches, boxes: self.boxes.drawn() };
         let pass = match &mut self.pick {

@@ -2,7 +2,7 @@
 //!
 //! The first draws of the draw pass (`shaders/cut_face.wgsl`): one walk over what is cut paints the nearest backs as the
 //! plane, while the stencil counts backs against fronts; then depth is emptied, and shut where there is a cut face, so that
-//! nothing is drawn over it, and what lies behind it is rejected before it is shaded. Only closed parts that lines of sight
+//! nothing is drawn over it, and what lies behind it is rejected (before it is shaded, where distances clip). Only closed parts that lines of sight
 //! come into by a section take part: a frame whose sections cut a few instances of a large model pays for those alone.
 
 use super::draw::{
@@ -14,7 +14,7 @@ use crate::gpu::target::STENCIL_START;
 const CUT_FACE: &str = include_str!("../../shaders/cut_face.wgsl");
 
 /// The shader's source.
-pub fn shader() -> String {
+fn shader() -> String {
     [DRAW_SHADER, CUT_FACE].concat()
 }
 
@@ -56,6 +56,7 @@ pub(super) struct CutFacePass {
 }
 
 /// What tells one pipeline of the pass from another.
+#[derive(Clone)]
 struct Draws<'a> {
     module: &'a wgpu::ShaderModule,
     label: &'a str,
@@ -73,56 +74,44 @@ struct Draws<'a> {
 impl CutFacePass {
     /// Makes the pass for targets of that many samples a pixel, with the layout of the frame.
     pub fn new(device: &wgpu::Device, samples: u32, paint: Paint, frame: &wgpu::BindGroupLayout) -> Self {
-        let module = module(device, "cut_face", &shader());
-        let whole = |label, entries: [&str; 2], depth, stencil, target| {
-            let groups = [Some(frame)];
-            let has_samples = entries[1] == "shut_fragment";
-            let draws = Draws {
-                module: &module,
-                label,
-                groups: &groups,
-                entries,
-                inside_out: None,
-                has_samples,
-                depth,
-                stencil,
-                target,
-            };
-            pipeline(device, samples, &draws)
-        };
         use wgpu::CompareFunction as Compare;
-        let unwritten =
-            wgpu::ColorTargetState { write_mask: wgpu::ColorWrites::empty(), ..paint.format.into() };
-        let within = stencil(Compare::Less, [wgpu::StencilOperation::Keep; 2]);
-        let (of_empty, stencil_of_empty, empty_target) = match paint.empty_entry {
-            Some(entry) => {
-                let outside = stencil(Compare::GreaterEqual, [wgpu::StencilOperation::Keep; 2]);
-                (entry, outside, paint.format.into())
-            }
-            None => ("empty_fragment", wgpu::StencilState::default(), unwritten.clone()),
+        let module = module(device, "cut_face", &shader());
+        let groups = [Some(frame)];
+        let whole = Draws {
+            module: &module,
+            label: "cut_face empty",
+            groups: &groups,
+            entries: ["background_vertex", "empty_fragment"],
+            inside_out: None,
+            has_samples: false,
+            depth: Compare::Always,
+            stencil: wgpu::StencilState::default(),
+            target: wgpu::ColorTargetState { write_mask: wgpu::ColorWrites::empty(), ..paint.format.into() },
         };
-        let empty = ["background_vertex", of_empty];
-        Self {
-            sampled: None,
-            clipped: None,
-            empty: whole("cut_face empty", empty, Compare::Always, stencil_of_empty, empty_target),
-            shut: whole(
-                "cut_face shut",
-                ["line_vertex", "shut_fragment"],
-                Compare::Always,
-                within.clone(),
-                unwritten.clone(),
-            ),
-            settle: whole(
-                "cut_face settle",
-                ["line_vertex", "settle_fragment"],
-                Compare::Less,
-                within,
-                unwritten,
-            ),
-            paint,
-            samples,
-        }
+        let within = Draws { stencil: where_count_is(Compare::Less), ..whole.clone() };
+        let shut = Draws {
+            label: "cut_face shut",
+            entries: ["line_vertex", "shut_fragment"],
+            has_samples: true,
+            ..within.clone()
+        };
+        let settle = Draws {
+            label: "cut_face settle",
+            entries: ["line_vertex", "settle_fragment"],
+            depth: Compare::Less,
+            ..within
+        };
+        let empty = match paint.empty_entry {
+            Some(entry) => Draws {
+                entries: ["background_vertex", entry],
+                stencil: where_count_is(Compare::GreaterEqual),
+                target: paint.format.into(),
+                ..whole
+            },
+            None => whole,
+        };
+        let [empty, shut, settle] = [&empty, &shut, &settle].map(|draws| pipeline(device, samples, draws));
+        Self { sampled: None, clipped: None, empty, shut, settle, paint, samples }
     }
 
     /// Makes what a frame that is cut in that way needs, with the layouts of the frame and of instances.
@@ -183,7 +172,19 @@ impl CutFacePass {
     }
 }
 
-/// Of fronts and of backs, whether they are the nearest or not.
+/// Draws where the count has that relation to its start, seen from there, and leaves it.
+fn where_count_is(compare: wgpu::CompareFunction) -> wgpu::StencilState {
+    stencil(compare, [wgpu::StencilOperation::Keep; 2])
+}
+
+/// Counts backs up and fronts down.
+fn counted(inside_out: bool) -> wgpu::StencilState {
+    use wgpu::StencilOperation as Operation;
+    let [front, back] = [Operation::DecrementWrap, Operation::IncrementWrap];
+    stencil(wgpu::CompareFunction::Always, if inside_out { [back, front] } else { [front, back] })
+}
+
+/// What is done for fronts and for backs, whether they are the nearest or not.
 fn stencil(compare: wgpu::CompareFunction, ops: [wgpu::StencilOperation; 2]) -> wgpu::StencilState {
     let [front, back] = ops.map(|op| wgpu::StencilFaceState {
         compare,
@@ -192,14 +193,6 @@ fn stencil(compare: wgpu::CompareFunction, ops: [wgpu::StencilOperation; 2]) -> 
         pass_op: op,
     });
     wgpu::StencilState { front, back, read_mask: 0xFF, write_mask: 0xFF }
-}
-
-/// Counts backs up and fronts down.
-fn counted(inside_out: bool) -> wgpu::StencilState {
-    use wgpu::StencilOperation as Operation;
-    let ops = [Operation::DecrementWrap, Operation::IncrementWrap];
-    let [front, back] = ops;
-    stencil(wgpu::CompareFunction::Always, if inside_out { [back, front] } else { ops })
 }
 
 fn pipeline(device: &wgpu::Device, samples: u32, draws: &Draws<'_>) -> wgpu::RenderPipeline {

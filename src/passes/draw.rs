@@ -6,7 +6,7 @@
 //! and streams nothing. Depth is reversed; there is no culling by winding, because CAD data does not keep it.
 //!
 //! Sections clip by distances where the device can (`shaders/shared/clipped.wgsl`), else they cut sample by sample; what they
-//! cut is closed by the pass after this one ([`super::cut_face`]). Where edges are drawn the same buffers are read as storage,
+//! cut is closed first, in the same render pass ([`super::cut_face`]). Where edges are drawn the same buffers are read as storage,
 //! because a corner must know its triangle.
 
 mod pipelines;
@@ -20,7 +20,8 @@ use super::cut_face::{CutFacePass, Paint};
 use crate::gpu::target::{COLOUR_FORMAT, Target};
 use pipelines::{Drawn, Kind, Pipelines};
 pub(super) use pipelines::{active_vertices, depth_state};
-pub use row::{InstanceRow, Look, LookRow, is_inside_out};
+pub(crate) use row::is_inside_out;
+pub use row::{InstanceRow, Look, LookRow};
 pub use uniform::{Edges, FrameUniform, MOST_PLANES, MOST_SECTIONS, Mode, ROUNDING, Section, Style};
 
 /// What a surface and the background look like, whoever places the corners: the first piece of [`SHADER`].
@@ -81,8 +82,8 @@ pub struct Ranges {
     pub cut: Vec<Range<u32>>,
 }
 
-/// Which triangles of a batch cut faces are made of: those of closed parts that lines of sight come into by a section. Others
-/// may be among them, for the pass tells them apart.
+/// Which triangles of a batch cut faces are made of: those of closed parts that lines of sight come into by a section. Open
+/// parts, and closed ones that are whole, may be among them.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct CutFaceRanges {
     /// Of parts that are placed as they are.

@@ -1,8 +1,8 @@
 //! The passes of a frame: buffers in, buffers out, each recorded into a pass of the caller.
 //!
 //! In the order of a frame: [`select`] wishes budgets; [`grant`] takes those that were granted; [`prefix_sum`] makes
-//! start lists of them; [`defragment`] builds the active buffers; [`reform`] the index buffer; [`draw`] draws it,
-//! [`cut_face`] closes what sections cut, [`depth_cue`] shades what was drawn by depth, and [`pick`] says what is in one
+//! start lists of them; [`defragment`] builds the active buffers; [`reform`] the index buffer;
+//! [`cut_face`] closes what sections cut, [`draw`] draws the rest, [`depth_cue`] shades what was drawn by depth, and [`pick`] says what is in one
 //! pixel. Each compute pass has its counterpart of the same name in [`crate::reference`], its kernels in `shaders/`, and its
 //! cases in `tests/passes.rs`.
 

@@ -85,6 +85,7 @@ pub fn run(options: WindowOptions) -> Result<WindowSummary, WindowError> {
         proxy,
         context: egui::Context::default(),
         shown: None,
+        title: "collapsar".to_owned(),
         save_as: None,
         next: None,
         summary: WindowSummary::default(),
@@ -119,6 +120,8 @@ struct Shell {
     proxy: EventLoopProxy<News>,
     context: egui::Context,
     shown: Option<Shown>,
+    /// What the window is called.
+    title: String,
     save_as: Option<PathBuf>,
     /// When the interface wants to be laid out again.
     next: Option<Instant>,
@@ -176,7 +179,7 @@ impl ApplicationHandler<News> for Shell {
 
 impl Shell {
     fn open_window(&self, event_loop: &ActiveEventLoop) -> Result<Shown, WindowError> {
-        let mut attributes = Window::default_attributes().with_title("collapsar");
+        let mut attributes = Window::default_attributes().with_title(&self.title);
         let shape = self.app.settings.window.unwrap_or_default();
         attributes = match self.options.size {
             Some((width, height)) => attributes.with_inner_size(PhysicalSize::new(width, height)),
@@ -271,8 +274,9 @@ impl Shell {
         let mut output = self.context.run_ui(input, |ui| app.show(ui, texture));
         shown.input.handle_platform_output(&shown.window, std::mem::take(&mut output.platform_output));
         let title = self.app.title();
-        if shown.window.title() != title {
+        if self.title != title {
             shown.window.set_title(&title);
+            self.title = title;
         }
         self.next = self.when(&output);
         let shapes = std::mem::take(&mut output.shapes);

@@ -64,7 +64,7 @@ impl InstanceRow {
 }
 
 /// Whether a closed surface is inside out where it is placed so.
-pub fn is_inside_out(closure: Closure, world_from_part: DAffine3) -> Option<bool> {
+pub(crate) fn is_inside_out(closure: Closure, world_from_part: DAffine3) -> Option<bool> {
     let is_mirrored = world_from_part.matrix3.determinant() < 0.0;
     match closure {
         Closure::Open => None,

@@ -71,7 +71,7 @@ impl Units {
     }
 
     /// A length of the model with about five digits, without its unit.
-    pub fn short(&self, length: f64) -> String {
+    fn short(&self, length: f64) -> String {
         let length = self.convert(length);
         let digits = (4.0 - length.abs().max(1e-12).log10().floor()).clamp(0.0, 9.0) as usize;
         if length == 0.0 { "0".to_owned() } else { format!("{length:.digits$}") }

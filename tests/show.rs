@@ -310,11 +310,20 @@ fn a_slab_out_of_a_part_is_closed_though_no_surface_is_left_in_it() {
 #[test]
 fn a_section_box_shows_its_faces_where_it_lies_within_a_part() {
     let Some(gpu) = gpu("a_section_box_shows_its_faces_where_it_lies_within_a_part") else { return };
+    let plain = without(wgpu::Features::CLIP_DISTANCES);
+    for (gpu, samples) in [(&gpu, 1), (&gpu, 4), (&plain, 4)] {
+        for projection in [Projection::Perspective(FRAC_PI_4), Projection::Parallel] {
+            let settings = Settings { samples, ..settings() };
+            a_section_box_is_shut(gpu, projection, settings);
+        }
+    }
+}
+
+fn a_section_box_is_shut(gpu: &Arc<Gpu>, projection: Projection, settings: Settings) {
     let scene = spheres(1);
     let orientation = StandardView::Iso.orientation(UpAxis::Y);
-    let perspective = Projection::Perspective(FRAC_PI_4);
-    let camera = views::fit(scene.bounds(), scene.bounds(), orientation, perspective, 1.0);
-    let mut renderer = Renderer::new(gpu, Arc::clone(&scene), settings()).unwrap();
+    let camera = views::fit(scene.bounds(), scene.bounds(), orientation, projection, 1.0);
+    let mut renderer = Renderer::new(Arc::clone(gpu), Arc::clone(&scene), settings).unwrap();
     renderer.set_looks(&[Look::coloured([255, 0, 0, 255])]);
     let inner = Bounds { low: DVec3::splat(-0.4), high: DVec3::splat(0.4) };
     renderer.set_style(Style { sections: Section::inside(&inner).to_vec(), ..Style::default() });

@@ -250,6 +250,11 @@ impl PartRow {
         self.parent_distance == 0
     }
 
+    /// Whether it is all of its part, and not one of several cells.
+    pub fn is_whole(&self) -> bool {
+        self.is_root() && !self.is_parent()
+    }
+
     /// Where it stands among the cells of its part.
     pub fn place(&self) -> CellPlace {
         CellPlace { parent_distance: self.parent_distance, leaf_cells: self.leaf_cells }

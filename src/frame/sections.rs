@@ -104,37 +104,42 @@ impl Taken {
         if std::mem::replace(&mut self.is_current, true) || self.sections.is_empty() {
             return;
         }
-        let own = |batch: usize| {
-            let own = held.iter().copied().filter(move |&instance| instance as usize % batches == batch);
-            own.map(|instance| (instance, states[instance as usize].triangles))
+        let of_batch = |batch: usize| {
+            let own = held.iter().filter(|&&instance| instance as usize % batches == batch);
+            let own: Vec<(u32, u32)> =
+                own.map(|&instance| (instance, states[instance as usize].triangles)).collect();
+            let fates = own.iter().map(|&(instance, triangles)| (self.fates.of(instance), triangles));
+            (ranges(fates), self.cut_faces_of(scene, &own))
         };
-        let of_batch =
-            |batch| ranges(own(batch).map(|(instance, triangles)| (self.fates.of(instance), triangles)));
-        self.ranges = (0..batches).map(of_batch).collect();
-        let of_batch = |batch| {
-            let [as_is, inside_out] = [false, true].map(|inside_out| {
-                let part_in = |instance| self.part_in(scene, instance, inside_out);
-                cut_face_ranges(own(batch).map(|(instance, triangles)| (part_in(instance), triangles)))
-            });
-            CutFaceRanges { as_is, inside_out }
-        };
-        self.cut_faces = match self.entered {
-            0 => vec![CutFaceRanges::default(); batches],
-            _ => (0..batches).map(of_batch).collect(),
-        };
+        (self.ranges, self.cut_faces) = (0..batches).map(of_batch).unzip();
+    }
+
+    /// What cut faces are made of, given the instances of a batch and their triangles.
+    fn cut_faces_of(&self, scene: &Scene, own: &[(u32, u32)]) -> CutFaceRanges {
+        if self.entered == 0 {
+            return CutFaceRanges::default();
+        }
+        let [as_is, inside_out] = [false, true].map(|inside_out| {
+            let part_in = |instance| self.part_in(scene, instance, inside_out);
+            cut_face_ranges(own.iter().map(|&(instance, triangles)| (part_in(instance), triangles)))
+        });
+        CutFaceRanges { as_is, inside_out }
     }
 
     /// What an instance has to do with the cut faces of what is placed inside out, or as it is.
     fn part_in(&self, scene: &Scene, instance: u32, inside_out: bool) -> Part {
-        let facing = facing(scene, instance);
+        // Most are not, and then nothing of the scene is looked at where no part has cells.
         let is_cut = self.of_entered.of(instance) == Fate::Cut && self.fates.of(instance) != Fate::Gone;
-        if is_cut && facing == Some(inside_out) {
-            return Part::Needed;
-        }
         // Of a surface that several cells have together, some alone would be an open one.
-        let part = &scene.parts()[scene.instances()[instance as usize].part as usize];
-        let is_whole = part.is_root() && !part.is_parent();
-        if is_whole || facing != Some(inside_out) { Part::Harmless } else { Part::Barred }
+        let is_cell = || {
+            scene.has_parents()
+                && !scene.parts()[scene.instances()[instance as usize].part as usize].is_whole()
+        };
+        match is_cut {
+            true if facing(scene, instance) == Some(inside_out) => Part::Needed,
+            false if is_cell() => Part::Barred,
+            _ => Part::Harmless,
+        }
     }
 
     /// What is drawn, by batch.
@@ -206,7 +211,7 @@ fn closed_in_cells(scene: &Scene) -> Vec<Range<u32>> {
     let mut next = 0;
     while next < instances.len() as u32 {
         let part = &parts[instances[next as usize].part as usize];
-        let cells = if part.is_root() && !part.is_parent() { next..next + 1 } else { scene.placement(next) };
+        let cells = if part.is_whole() { next..next + 1 } else { scene.placement(next) };
         next = cells.end;
         if cells.len() > 1 && part.closure() != Closure::Open {
             found.push(cells);

@@ -80,7 +80,6 @@ pub struct Target {
     attached_depth_view: wgpu::TextureView,
     /// Depth alone, to be read.
     depth_view: wgpu::TextureView,
-    has_stencil: bool,
 }
 
 impl Target {
@@ -115,7 +114,6 @@ impl Target {
                 aspect: wgpu::TextureAspect::DepthOnly,
                 ..Default::default()
             }),
-            has_stencil: depth.format().has_stencil_aspect(),
             resolved,
         })
     }
@@ -137,7 +135,6 @@ impl Target {
             multisampled_view: self.multisampled_view.clone(),
             attached_depth_view: self.attached_depth_view.clone(),
             depth_view: self.depth_view.clone(),
-            has_stencil: self.has_stencil,
             resolved,
         })
     }
@@ -166,7 +163,7 @@ impl Target {
     pub fn gpu_bytes(&self) -> u64 {
         let samples = u64::from(self.samples);
         let colour = if samples > 1 { 1 + samples } else { 1 };
-        let stencil = if self.has_stencil { samples } else { 0 };
+        let stencil = if has_stencil(&self.attached_depth_view) { samples } else { 0 };
         u64::from(self.width) * u64::from(self.height) * (BYTES_PER_PIXEL * (colour + samples) + stencil)
     }
 
@@ -207,7 +204,7 @@ impl Target {
     /// The depth attachment, cleared to infinity, and the stencil, cleared to [`STENCIL_START`]; with `keep` the depth is
     /// there after the pass.
     pub fn depth_attachment(&self, keep: bool) -> wgpu::RenderPassDepthStencilAttachment<'_> {
-        attached_depth(&self.attached_depth_view, self.has_stencil, keep)
+        attached_depth(&self.attached_depth_view, keep)
     }
 
     /// The picture as rows of RGBA from the top, 8 bits a channel, sRGB. Waits for the GPU.
@@ -261,10 +258,13 @@ pub fn depth_format(device: &wgpu::Device) -> wgpu::TextureFormat {
     }
 }
 
+fn has_stencil(view: &wgpu::TextureView) -> bool {
+    view.texture().format().has_stencil_aspect()
+}
+
 /// A depth attachment, cleared to infinity, and its stencil, if it has one; with `keep` the depth is there after the pass.
 pub(crate) fn attached_depth(
     view: &wgpu::TextureView,
-    has_stencil: bool,
     keep: bool,
 ) -> wgpu::RenderPassDepthStencilAttachment<'_> {
     use wgpu::{LoadOp, Operations, StoreOp};
@@ -273,7 +273,7 @@ pub(crate) fn attached_depth(
     wgpu::RenderPassDepthStencilAttachment {
         view,
         depth_ops: Some(Operations { load: LoadOp::Clear(0.0), store }),
-        stencil_ops: has_stencil.then_some(start),
+        stencil_ops: has_stencil(view).then_some(start),
     }
 }
 

@@ -2,13 +2,14 @@
 //!
 //! The first draws of the draw pass (`shaders/cut_face.wgsl`): one walk over what is cut paints the nearest backs as the
 //! plane, while the stencil counts backs against fronts; then depth is emptied, and shut where there is a cut face, so that
-//! nothing is drawn over it, and what lies behind it is rejected (before it is shaded, where distances clip). Only closed parts that lines of sight
-//! come into by a section take part: a frame whose sections cut a few instances of a large model pays for those alone.
+//! nothing is drawn over it, and what lies behind it is rejected (before it is shaded, where distances clip). Only closed
+//! parts that lines of sight come into by a section take part: a frame whose sections cut a few instances of a large model
+//! pays for those alone.
 
 use super::draw::{
     CLIPPED_SHADER, Cut, DrawList, SHADER as DRAW_SHADER, active_vertices, depth_state, draw_ranges, module,
 };
-use crate::gpu::target::STENCIL_START;
+use crate::gpu::target::{STENCIL_START, depth_format};
 
 /// What follows the shader of the draw pass.
 const CUT_FACE: &str = include_str!("../../shaders/cut_face.wgsl");
@@ -38,7 +39,7 @@ pub(super) struct Paint {
 
 /// Whether a device has what the pass needs: a stencil beside its depth.
 pub fn is_possible(device: &wgpu::Device) -> bool {
-    device.features().contains(wgpu::Features::DEPTH32FLOAT_STENCIL8)
+    depth_format(device).has_stencil_aspect()
 }
 
 /// The pipelines.

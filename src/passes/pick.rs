@@ -127,11 +127,10 @@ impl PickPass {
                 store: wgpu::StoreOp::Store,
             },
         };
-        let has_stencil = self.depth.format().has_stencil_aspect();
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("pick"),
             color_attachments: &[Some(colour)],
-            depth_stencil_attachment: Some(attached_depth(&depth, has_stencil, false)),
+            depth_stencil_attachment: Some(attached_depth(&depth, false)),
             ..Default::default()
         });
         pass.set_bind_group(0, &self.frame_group, &[]);

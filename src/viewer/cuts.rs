@@ -41,9 +41,7 @@ impl Plane {
     /// Through a point, facing along a unit normal; keeps what lies behind it.
     pub fn through(point: DVec3, normal: DVec3, bounds: &Bounds) -> Self {
         let mut plane = Self { facing: Facing::Normal(-normal), share: 0.0, is_turned: false, is_on: true };
-        let (low, high) = plane.reach(bounds);
-        let at = plane.normal().dot(point);
-        plane.share = if high > low { ((at - low) / (high - low)).clamp(0.0, 1.0) } else { 0.5 };
+        plane.share = share_of(plane.normal().dot(point), plane.reach(bounds)).unwrap_or(0.5);
         plane
     }
 
@@ -69,8 +67,7 @@ impl Plane {
 
     /// Puts it somewhere along its normal, in the model's unit.
     pub fn set_place(&mut self, place: f64, bounds: &Bounds) {
-        let (low, high) = self.reach(bounds);
-        self.share = if high > low { ((place - low) / (high - low)).clamp(0.0, 1.0) } else { 0.5 };
+        self.share = share_of(place, self.reach(bounds)).unwrap_or(0.5);
     }
 
     fn section(&self, bounds: &Bounds) -> Section {
@@ -79,6 +76,11 @@ impl Plane {
         let point = centre + normal * (self.place(bounds) - centre.dot(normal));
         Section { point, normal: if self.is_turned { -normal } else { normal } }
     }
+}
+
+/// How far between two ends a place is; `None` where they are one.
+pub fn share_of(place: f64, (low, high): (f64, f64)) -> Option<f64> {
+    (high > low).then(|| ((place - low) / (high - low)).clamp(0.0, 1.0))
 }
 
 /// A box, as shares of the model's own: low and high along each axis.

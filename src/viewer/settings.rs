@@ -214,15 +214,14 @@ impl Settings {
 
     /// Remembers a file as the one that was opened last.
     pub fn opened(&mut self, file: &Path) {
-        let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
-        self.recent.retain(|known| *known != file);
-        self.recent.insert(0, file);
+        self.forget(file);
+        self.recent.insert(0, absolute(file));
         self.recent.truncate(MOST_RECENT);
     }
 
-    /// Takes a file that is not there any more off the list of those that were opened last; says whether it was on it.
+    /// Takes a file off the list of those that were opened last; says whether it was on it.
     pub fn forget(&mut self, file: &Path) -> bool {
-        let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
+        let file = absolute(file);
         let known = self.recent.len();
         self.recent.retain(|known| *known != file);
         self.recent.len() < known
@@ -314,6 +313,10 @@ impl Store {
     fn file(&self) -> Option<PathBuf> {
         self.folder.as_ref().map(|folder| folder.join("settings.json"))
     }
+}
+
+fn absolute(file: &Path) -> PathBuf {
+    std::path::absolute(file).unwrap_or_else(|_| file.to_owned())
 }
 
 #[cfg(test)]

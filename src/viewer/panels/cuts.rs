@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use crate::passes::draw::MOST_PLANES;
 use crate::scene::Bounds;
-use crate::viewer::cuts::{Boxed, Cuts, Facing, Plane};
+use crate::viewer::cuts::{Boxed, Cuts, Facing, Plane, share_of};
 use crate::viewer::measure::units::Units;
 
 const AXES: [&str; 3] = ["x", "y", "z"];
@@ -90,23 +90,23 @@ fn box_rows(ui: &mut Ui, cuts: &mut Cuts, (bounds, units): (&Bounds, &Units)) {
             ui.spacing_mut().slider_width = (0.5 * ui.available_width() - 20.0).max(40.0);
             ui.add(Slider::new(&mut boxed.low[axis], 0.0..=1.0).show_value(false));
             ui.add(Slider::new(&mut boxed.high[axis], 0.0..=1.0).show_value(false));
-            boxed.high[axis] = boxed.high[axis].max(boxed.low[axis]);
         });
+        boxed.high[axis] = boxed.high[axis].max(boxed.low[axis]);
         ui.horizontal(|ui| {
-            let (low, extent) = (bounds.low[axis], bounds.extent()[axis]);
             ui.label("from");
-            box_side(ui, &mut boxed.low[axis], (low, extent), (bounds, units));
+            box_side(ui, &mut boxed.low[axis], axis, (bounds, units));
             ui.label("to");
-            box_side(ui, &mut boxed.high[axis], (low, extent), (bounds, units));
-            boxed.high[axis] = boxed.high[axis].max(boxed.low[axis]);
+            box_side(ui, &mut boxed.high[axis], axis, (bounds, units));
         });
+        boxed.high[axis] = boxed.high[axis].max(boxed.low[axis]);
     }
 }
 
-/// Where a side of the box lies: a share of an extent that begins at `low`.
-fn box_side(ui: &mut Ui, share: &mut f64, (low, extent): (f64, f64), of: (&Bounds, &Units)) {
-    let mut place = low + extent * *share;
-    if place_value(ui, &mut place, of) && extent > 0.0 {
-        *share = ((place - low) / extent).clamp(0.0, 1.0);
+/// Where a side of the box lies along an axis, as a share of the model's own box.
+fn box_side(ui: &mut Ui, share: &mut f64, axis: usize, (bounds, units): (&Bounds, &Units)) {
+    let (low, high) = (bounds.low[axis], bounds.high[axis]);
+    let mut place = low + (high - low) * *share;
+    if place_value(ui, &mut place, (bounds, units)) {
+        *share = share_of(place, (low, high)).unwrap_or(*share);
     }
 }

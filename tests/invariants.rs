@@ -15,7 +15,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use collapsar::geometry::body::order_part;
 use collapsar::geometry::cells;
-use collapsar::geometry::collapse::{Boundary, CollapseOrder, Target, collapse_order, flip_limit};
+use collapsar::geometry::collapse::{Boundary, CollapseOrder, Move, Target, collapse_order, flip_limit};
 use collapsar::geometry::normals::{CREASE_DEGREES, by_crease_angle};
 use collapsar::geometry::order::{OrderedMesh, arrange};
 use collapsar::geometry::weld::{WeldedMesh, grid_of, weld};
@@ -35,8 +35,8 @@ impl<'a> Naive<'a> {
     }
 
     /// Applies one step and returns the triangles that it changed but kept, before and after.
-    fn step(&mut self, moves: &[(u32, Target)]) -> Vec<([u32; 3], [u32; 3])> {
-        let goes: BTreeMap<u32, Target> = moves.iter().copied().collect();
+    fn step(&mut self, moves: &[Move]) -> Vec<([u32; 3], [u32; 3])> {
+        let goes: BTreeMap<u32, Target> = moves.iter().map(|gone| (gone.wedge, gone.target())).collect();
         let mut changed = Vec::new();
         let mut kept = Vec::new();
         for &before in &self.triangles {

@@ -19,6 +19,11 @@ impl PositionEdge {
         self.faces == 1
     }
 
+    /// Whether it is open or non-manifold.
+    pub fn is_odd(&self) -> bool {
+        self.faces != 2
+    }
+
     /// Whether more than two triangles meet at it.
     pub fn is_non_manifold(&self) -> bool {
         self.faces > 2
@@ -90,10 +95,15 @@ impl<'a> Sides<'a> {
     }
 }
 
-/// Every edge of a mesh once, in the order of its ends.
-pub fn position_edges(mesh: &WeldedMesh) -> Vec<PositionEdge> {
-    let mut edges = Vec::with_capacity(3 * mesh.triangles.len() / 2);
-    Sides::of(&mesh.wedge_position, &mesh.triangles).for_each(|edge, _| edges.push(edge));
+/// The edges of a mesh that `keep` says yes to, each once, in the order of their ends. All of them take twice the memory
+/// of the mesh.
+pub fn position_edges(mesh: &WeldedMesh, keep: impl Fn(&PositionEdge) -> bool) -> Vec<PositionEdge> {
+    let mut edges = Vec::new();
+    Sides::of(&mesh.wedge_position, &mesh.triangles).for_each(|edge, _| {
+        if keep(&edge) {
+            edges.push(edge);
+        }
+    });
     edges
 }
 
@@ -117,7 +127,7 @@ pub struct EdgeCounts {
     pub non_manifold_edges: usize,
 }
 
-/// Counts open positions and non-manifold edges.
+/// Counts open positions and non-manifold edges; `edges` has at least the odd ones.
 pub fn counts_of(mesh: &WeldedMesh, edges: &[PositionEdge]) -> EdgeCounts {
     let mut open = vec![false; mesh.positions.len()];
     for end in edges.iter().filter(|edge| edge.is_open()).flat_map(|edge| edge.ends) {

@@ -14,7 +14,7 @@ use super::cells;
 use super::closure::closure_of;
 use super::collapse::Boundary;
 use super::record::{Grid, MAX_PART_VERTICES, OrderedPart};
-use super::weld::{WeldedMesh, grid_around, weld};
+use super::weld::{WeldedMesh, grid_around, weld, weld_whole};
 use super::weld_near::close_gaps;
 use crate::import::SourceMesh;
 
@@ -73,10 +73,14 @@ pub fn order_body(meshes: Vec<SourceMesh>, options: OrderOptions, watch: &dyn Wa
         return BodyOutcome { welds: meshes.iter().map(counts).collect(), ..BodyOutcome::default() };
     };
     // Each source mesh is given back as soon as it is welded.
-    let mut welded: Vec<Welded> = meshes.into_iter().map(|mesh| welded(&mesh, grid, options)).collect();
+    let welded = |source: SourceMesh| {
+        let counts = counts(&source);
+        with_closed_gaps(weld_whole(source, grid), counts, grid, options)
+    };
+    let mut welded: Vec<Welded> = meshes.into_iter().map(welded).collect();
     let shared = shared_borders(&welded);
     for welded in &mut welded {
-        welded.edges = Vec::new();
+        welded.odd_edges = Vec::new();
         let is_shared = |position: &&[u32; 3]| shared.contains(*position);
         welded.counts.shared = welded.mesh.positions.iter().filter(is_shared).count();
         watch.done(welded.counts.source_triangles - welded.mesh.triangles.len());
@@ -103,8 +107,8 @@ pub fn order_body(meshes: Vec<SourceMesh>, options: OrderOptions, watch: &dyn Wa
 pub struct Welded {
     /// The mesh; gaps within the tolerance are closed.
     pub mesh: WeldedMesh,
-    /// Its edges.
-    pub edges: Vec<PositionEdge>,
+    /// Its open and non-manifold edges.
+    pub odd_edges: Vec<PositionEdge>,
     /// What the weld found.
     pub counts: WeldCounts,
 }
@@ -119,22 +123,26 @@ fn counts(mesh: &SourceMesh) -> WeldCounts {
 
 /// Welds a mesh on a grid and closes its gaps.
 pub fn welded(source: &SourceMesh, grid: Grid, options: OrderOptions) -> Welded {
-    let mut mesh = weld(source, grid);
-    let mut edges = position_edges(&mesh);
+    with_closed_gaps(weld(source, grid), counts(source), grid, options)
+}
+
+/// Closes the gaps of a welded mesh, of whose source these are the counts.
+fn with_closed_gaps(mut mesh: WeldedMesh, source: WeldCounts, grid: Grid, options: OrderOptions) -> Welded {
+    let mut odd_edges = position_edges(&mesh, PositionEdge::is_odd);
     let steps = options.weld_tolerance.map_or(1.0, |tolerance| tolerance / grid.step());
-    let moved = close_gaps(&mut mesh, &edges, steps);
+    let moved = close_gaps(&mut mesh, &odd_edges, steps);
     if moved > 0 {
-        edges = position_edges(&mesh);
+        odd_edges = position_edges(&mesh, PositionEdge::is_odd);
     }
     let counts = WeldCounts {
         positions: mesh.positions.len(),
         moved,
         degenerate: mesh.degenerate,
         duplicate: mesh.duplicate,
-        edges: counts_of(&mesh, &edges),
-        ..counts(source)
+        edges: counts_of(&mesh, &odd_edges),
+        ..source
     };
-    Welded { mesh, edges, counts }
+    Welded { mesh, odd_edges, counts }
 }
 
 /// The positions of edges that are open in one mesh of the body and are edges of another.
@@ -150,16 +158,13 @@ fn shared_borders(meshes: &[Welded]) -> FxHashSet<[u32; 3]> {
     // The mesh of each edge that is open somewhere.
     let mut open: FxHashMap<[[u32; 3]; 2], usize> = FxHashMap::default();
     for (number, welded) in meshes.iter().enumerate() {
-        for edge in welded.edges.iter().filter(|edge| edge.is_open()) {
+        for edge in welded.odd_edges.iter().filter(|edge| edge.is_open()) {
             open.entry(ends(welded, edge)).or_insert(number);
         }
     }
     for (number, welded) in meshes.iter().enumerate() {
-        for edge in welded.edges.iter().map(|edge| ends(welded, edge)) {
-            if open.get(&edge).is_some_and(|&owner| owner != number) {
-                shared.extend(edge);
-            }
-        }
+        let other = |edge: &PositionEdge| open.get(&ends(welded, edge)).is_some_and(|&owner| owner != number);
+        shared.extend(position_edges(&welded.mesh, other).iter().flat_map(|edge| ends(welded, edge)));
     }
     shared
 }

@@ -33,13 +33,13 @@ pub struct OrderedMesh {
 
 /// Re-arranges a mesh by its collapse order.
 pub fn arrange(mesh: &WeldedMesh, order: &CollapseOrder) -> OrderedMesh {
-    let permute_vertices = permutation(mesh.wedges.len(), order.moves.iter().map(|&(wedge, _)| wedge));
+    let permute_vertices = permutation(mesh.wedges.len(), order.moves.iter().map(|gone| gone.wedge));
     let permute_triangles = permutation(mesh.triangles.len(), order.removed.iter().copied());
     let locked = mesh.wedges.len() - order.moves.len();
 
     let mut ecol: Vec<u32> = (0..mesh.wedges.len() as u32).collect();
-    for &(wedge, target) in &order.moves {
-        ecol[permute_vertices[wedge as usize] as usize] = match target {
+    for gone in &order.moves {
+        ecol[permute_vertices[gone.wedge as usize] as usize] = match gone.target() {
             Target::Wedge(to) => permute_vertices[to as usize],
             // Vertex 0 is there in every state.
             Target::Anywhere => 0,

@@ -95,12 +95,25 @@ pub(super) fn morton(grid: [u32; 3]) -> u64 {
 
 /// Welds a mesh that has normals (see [`super::normals`]) on the given grid.
 pub fn weld(mesh: &SourceMesh, grid: Grid) -> WeldedMesh {
-    let attributes = match (mesh.slots.is_empty(), mesh.colours.is_empty()) {
+    let attributes = attributes_of(mesh);
+    weld_records(&records_of(mesh, grid, attributes), &mesh.triangles, attributes)
+}
+
+/// As [`weld`], but what of the mesh is not needed any more is given back before that.
+pub(super) fn weld_whole(mut mesh: SourceMesh, grid: Grid) -> WeldedMesh {
+    let attributes = attributes_of(&mesh);
+    let records = records_of(&mesh, grid, attributes);
+    let triangles = std::mem::take(&mut mesh.triangles);
+    drop(mesh);
+    weld_records(&records, &triangles, attributes)
+}
+
+fn attributes_of(mesh: &SourceMesh) -> Attributes {
+    match (mesh.slots.is_empty(), mesh.colours.is_empty()) {
         (false, _) => Attributes::Slot,
         (true, false) => Attributes::Colour,
         (true, true) => Attributes::Normal,
-    };
-    weld_records(&records_of(mesh, grid, attributes), &mesh.triangles, attributes)
+    }
 }
 
 fn weld_records(records: &[VertexRecord], triangles: &[[u32; 3]], attributes: Attributes) -> WeldedMesh {
@@ -112,7 +125,13 @@ fn weld_records(records: &[VertexRecord], triangles: &[[u32; 3]], attributes: At
         .collect();
     order.sort_unstable();
 
-    let mut welded = WeldedMesh { attributes, ..WeldedMesh::default() };
+    let mut welded = WeldedMesh {
+        attributes,
+        positions: Vec::with_capacity(order.len()),
+        wedges: Vec::with_capacity(order.len()),
+        wedge_position: Vec::with_capacity(order.len()),
+        ..WeldedMesh::default()
+    };
     let mut wedge_of = vec![u32::MAX; records.len()];
     let mut last = None;
     for (code, _, vertex) in order {
@@ -223,29 +242,29 @@ impl WeldedMesh {
             used[wedge as usize] = true;
         }
         let mut new_wedge = vec![u32::MAX; self.wedges.len()];
-        let count = used.iter().filter(|&&used| used).count();
-        let mut kept = WeldedMesh {
-            wedges: Vec::with_capacity(count),
-            wedge_position: Vec::with_capacity(count),
-            ..WeldedMesh::default()
-        };
-        let mut last = None;
+        // What is kept moves forward in place.
+        let (mut wedges, mut positions, mut last) = (0, 0, None);
         for wedge in (0..self.wedges.len()).filter(|&wedge| used[wedge]) {
             let position = self.wedge_position[wedge];
             if last != Some(position) {
                 last = Some(position);
-                kept.positions.push(self.positions[position as usize]);
+                self.positions[positions] = self.positions[position as usize];
+                positions += 1;
             }
-            new_wedge[wedge] = kept.wedges.len() as u32;
-            kept.wedges.push(self.wedges[wedge]);
-            kept.wedge_position.push(kept.positions.len() as u32 - 1);
+            new_wedge[wedge] = wedges as u32;
+            self.wedges[wedges] = self.wedges[wedge];
+            self.wedge_position[wedges] = positions as u32 - 1;
+            wedges += 1;
         }
         for triangle in &mut self.triangles {
             *triangle = triangle.map(|wedge| new_wedge[wedge as usize]);
         }
-        kept.positions.shrink_to_fit();
-        (self.positions, self.wedges, self.wedge_position) =
-            (kept.positions, kept.wedges, kept.wedge_position);
+        self.positions.truncate(positions);
+        self.wedges.truncate(wedges);
+        self.wedge_position.truncate(wedges);
+        self.positions.shrink_to_fit();
+        self.wedges.shrink_to_fit();
+        self.wedge_position.shrink_to_fit();
     }
 }
 

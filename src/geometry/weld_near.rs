@@ -8,7 +8,8 @@ use rustc_hash::FxHashMap;
 use super::adjacency::PositionEdge;
 use super::weld::WeldedMesh;
 
-/// Moves positions on open edges onto the first one within so many grid steps; returns how many moved.
+/// Moves positions on open edges onto the first one within so many grid steps; returns how many moved. `edges` has at
+/// least the open ones.
 pub fn close_gaps(mesh: &mut WeldedMesh, edges: &[PositionEdge], steps: f64) -> usize {
     // Positions are a step apart at least, and farther than the grid is nothing.
     if !(1.0..).contains(&steps) || !edges.iter().any(PositionEdge::is_open) {
@@ -95,14 +96,14 @@ mod tests {
     }
 
     fn open_edges(mesh: &WeldedMesh) -> usize {
-        position_edges(mesh).iter().filter(|edge| edge.is_open()).count()
+        position_edges(mesh, PositionEdge::is_open).len()
     }
 
     #[test]
     fn a_gap_below_the_tolerance_is_closed() {
         let mut mesh = squares(0.01);
         let steps = 0.011 / STEP;
-        let edges = position_edges(&mesh);
+        let edges = position_edges(&mesh, PositionEdge::is_odd);
         assert_eq!(open_edges(&mesh), 8);
         assert_eq!(close_gaps(&mut mesh.clone(), &edges, 0.9 * steps), 0);
         assert_eq!(close_gaps(&mut mesh, &edges, steps), 2);
@@ -117,7 +118,7 @@ mod tests {
     #[test]
     fn a_tolerance_above_a_triangle_drops_it() {
         let mut mesh = squares(0.01);
-        let edges = position_edges(&mesh);
+        let edges = position_edges(&mesh, PositionEdge::is_odd);
         close_gaps(&mut mesh, &edges, 2e6);
         assert_eq!((mesh.triangles.len(), mesh.degenerate), (0, 4));
     }
@@ -132,7 +133,7 @@ mod tests {
             ..SourceMesh::default()
         };
         let mut mesh = weld(&mesh, grid_of(&mesh).unwrap());
-        let edges = position_edges(&mesh);
+        let edges = position_edges(&mesh, PositionEdge::is_odd);
         assert_eq!(close_gaps(&mut mesh, &edges, 1e5), 0);
         assert_eq!(mesh.triangles.len(), 4);
     }

@@ -9,7 +9,7 @@
 
 use glam::Vec3;
 
-use super::mesh::{CornerMesh, QUARTER, Witness};
+use super::mesh::{CornerMesh, Number, QUARTER, Witness};
 use super::ring::Ring;
 
 /// At most so many distances are taken in a step, but for those of the position itself.
@@ -49,7 +49,7 @@ impl Drift {
     /// witness that it is of. `error` is the largest of all steps so far.
     pub fn carry(
         &mut self,
-        mesh: &mut CornerMesh,
+        mesh: &mut CornerMesh<impl Number>,
         ring: &Ring,
         position: u32,
         slot: u32,
@@ -121,7 +121,7 @@ impl Drift {
     }
 
     /// Takes a witness back from the triangle that it was handed to in the last step.
-    pub fn take_back(&self, mesh: &mut CornerMesh, ring: &Ring, witness: Witness) {
+    pub fn take_back(&self, mesh: &mut CornerMesh<impl Number>, ring: &Ring, witness: Witness) {
         let given = self.fan.iter().zip(ring.faces()).filter(|(spoke, _)| spoke.witness == Some(witness));
         given.for_each(|(_, face)| mesh.set_witness(face.triangle(), None));
     }

@@ -7,7 +7,7 @@
 use glam::{Vec3, Vec4};
 
 use super::Phase;
-use super::mesh::{CornerMesh, Face, NONE};
+use super::mesh::{CornerMesh, Face, NONE, Number};
 use super::ring::{Neighbour, Place, Ring};
 use crate::geometry::record::Attributes;
 use crate::geometry::record::{Stall, VertexRecord};
@@ -122,7 +122,12 @@ impl Evaluator {
 
     /// A lower bound of the cost of the best step for a position, which only its ring is asked for; `None` if there is no
     /// step at all.
-    pub fn bound(&mut self, mesh: &mut CornerMesh, setting: &Setting<'_>, position: u32) -> Option<f32> {
+    pub fn bound(
+        &mut self,
+        mesh: &mut CornerMesh<impl Number>,
+        setting: &Setting<'_>,
+        position: u32,
+    ) -> Option<f32> {
         if setting.locked[position as usize] {
             return None;
         }
@@ -162,7 +167,7 @@ impl Evaluator {
     /// a triangle waits until there is no other step.
     pub fn best(
         &mut self,
-        mesh: &mut CornerMesh,
+        mesh: &mut CornerMesh<impl Number>,
         setting: &Setting<'_>,
         position: u32,
     ) -> Result<Candidate, Stall> {
@@ -211,7 +216,12 @@ impl Evaluator {
     }
 
     /// The answer of last time, if the ring is the same and the guards ask no more for it than then.
-    fn known_best(&mut self, mesh: &CornerMesh, setting: &Setting<'_>, position: u32) -> Option<Candidate> {
+    fn known_best(
+        &mut self,
+        mesh: &CornerMesh<impl Number>,
+        setting: &Setting<'_>,
+        position: u32,
+    ) -> Option<Candidate> {
         let known = self.known[position as usize];
         if known.target == NONE {
             return None;
@@ -236,7 +246,12 @@ impl Evaluator {
     }
 
     /// A small piece that nothing can collapse vanishes whole, at the price of its size.
-    fn vanishing(&mut self, mesh: &CornerMesh, setting: &Setting<'_>, position: u32) -> Option<Candidate> {
+    fn vanishing(
+        &mut self,
+        mesh: &CornerMesh<impl Number>,
+        setting: &Setting<'_>,
+        position: u32,
+    ) -> Option<Candidate> {
         self.piece.clear();
         self.piece.push(position);
         let mut at = 0;
@@ -275,7 +290,12 @@ impl Evaluator {
     }
 
     /// Whether nothing forbids the collapse onto a neighbour in any phase.
-    fn is_open_to(&self, mesh: &CornerMesh, setting: &Setting<'_>, neighbour: &Neighbour) -> bool {
+    fn is_open_to(
+        &self,
+        mesh: &CornerMesh<impl Number>,
+        setting: &Setting<'_>,
+        neighbour: &Neighbour,
+    ) -> bool {
         // Something of the part always stays: an empty picture is worth no saving.
         (neighbour.faces as usize) < mesh.live_triangles
             && !(setting.locked[neighbour.position as usize] && self.bares(setting, neighbour.position))
@@ -284,7 +304,7 @@ impl Evaluator {
     /// The collapse onto a neighbour that turns a triangle.
     fn turned(
         &mut self,
-        mesh: &CornerMesh,
+        mesh: &CornerMesh<impl Number>,
         setting: &Setting<'_>,
         (cost, slot): (f32, u32),
     ) -> Option<Candidate> {
@@ -302,7 +322,7 @@ impl Evaluator {
     /// never is, or if the price is no less than `room`.
     fn guard(
         &mut self,
-        mesh: &CornerMesh,
+        mesh: &CornerMesh<impl Number>,
         setting: &Setting<'_>,
         position: u32,
         slot: u32,
@@ -347,7 +367,7 @@ impl Evaluator {
 
     /// The link condition (Dey et al. 1999): the two ends have no common neighbour but across the edge's own
     /// triangles, and no triangle of the one would fall onto one of the other.
-    fn link_holds(&mut self, mesh: &CornerMesh, position: u32, target: u32) -> bool {
+    fn link_holds(&mut self, mesh: &CornerMesh<impl Number>, position: u32, target: u32) -> bool {
         self.across.clear();
         self.across.resize(self.ring.neighbours().len(), false);
         for face in self.ring.faces().filter(|face| face.touches(target)) {
@@ -381,7 +401,12 @@ impl Evaluator {
 
     /// Finds for every wedge of the position the wedge of the target that it becomes, and the least cosine between
     /// the normals of those that share no triangle; `None` if the target has no wedge to offer.
-    pub fn map_wedges(&mut self, mesh: &CornerMesh, setting: &Setting<'_>, target: u32) -> Option<f32> {
+    pub fn map_wedges(
+        &mut self,
+        mesh: &CornerMesh<impl Number>,
+        setting: &Setting<'_>,
+        target: u32,
+    ) -> Option<f32> {
         self.mapping.clear();
         let mut least = 1f32;
         let mut last = NONE;

@@ -23,13 +23,13 @@ mod ring;
 
 use glam::Vec3;
 
-use super::adjacency::position_edges;
-use super::record::{Attributes, Stall, VertexRecord};
+use super::adjacency::{PositionEdge, position_edges};
+use super::record::{Attributes, MAX_PART_VERTICES, Stall, VertexRecord};
 use super::weld::WeldedMesh;
 use boxes::{Boxes, Found, GONE};
 use drift::{Drift, NOTABLE, squared_distance};
 use evaluate::{Action, Candidate, Evaluator, HUB, LARGEST_PIECE, Setting};
-use mesh::{CornerMesh, Face, NONE, Witness};
+use mesh::{CornerMesh, Face, Number, Witness};
 use queue::BucketQueue;
 use ring::Place;
 
@@ -97,6 +97,29 @@ pub enum Target {
     Anywhere,
 }
 
+/// A wedge that is removed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Move {
+    /// Its number.
+    pub wedge: u32,
+    /// Where it goes; itself if nowhere in particular.
+    to: u32,
+}
+
+impl Move {
+    fn new(wedge: u32, target: Target) -> Self {
+        match target {
+            Target::Wedge(to) => Self { wedge, to },
+            Target::Anywhere => Self { wedge, to: wedge },
+        }
+    }
+
+    /// Where it goes.
+    pub fn target(&self) -> Target {
+        if self.to == self.wedge { Target::Anywhere } else { Target::Wedge(self.to) }
+    }
+}
+
 /// One step of the order: the wedges that are removed together.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Group {
@@ -118,8 +141,8 @@ pub struct Group {
 pub struct CollapseOrder {
     /// The steps, first to be removed first.
     pub groups: Vec<Group>,
-    /// Wedges in the order in which they are removed, and where each goes.
-    pub moves: Vec<(u32, Target)>,
+    /// Wedges in the order in which they are removed.
+    pub moves: Vec<Move>,
     /// Triangles in the order in which they are removed.
     pub removed: Vec<u32>,
     /// What stops most of the positions that are left.
@@ -146,17 +169,17 @@ pub fn collapse_order(mesh: &WeldedMesh, locked: &[bool], boundary: Boundary) ->
         Boundary::Lock => with_open_positions(mesh, locked),
     };
     let setting = Setting { wedges: &mesh.wedges, attributes: mesh.attributes, locked: &locked };
-    let mut simplifier = Simplifier::new(mesh, setting, places, grid_steps);
-    simplifier.run();
-    simplifier.order.stall = simplifier.common_stall();
-    simplifier.vanish_pieces();
-    simplifier.order
+    if mesh.wedges.len() <= MAX_PART_VERTICES {
+        Simplifier::<u16>::new(mesh, setting, places, grid_steps).ordered()
+    } else {
+        Simplifier::<u32>::new(mesh, setting, places, grid_steps).ordered()
+    }
 }
 
 /// The locked positions and those on open edges.
 fn with_open_positions(mesh: &WeldedMesh, locked: &[bool]) -> Vec<bool> {
     let mut locked = locked.to_vec();
-    for edge in position_edges(mesh).iter().filter(|edge| edge.is_open()) {
+    for edge in position_edges(mesh, PositionEdge::is_open) {
         for position in edge.ends {
             locked[position as usize] = true;
         }
@@ -189,11 +212,11 @@ fn local_places(mesh: &WeldedMesh) -> (Vec<Place>, f32) {
     (mesh.positions.iter().map(local).collect(), extent)
 }
 
-struct Simplifier<'a> {
-    mesh: CornerMesh,
+struct Simplifier<'a, N> {
+    mesh: CornerMesh<N>,
     setting: Setting<'a>,
     evaluator: Evaluator,
-    queue: BucketQueue,
+    queue: BucketQueue<N>,
     drift: Drift,
     /// How many boxes may yet be opened in search of the triangle nearest to a point, where there is another way.
     looks: usize,
@@ -203,7 +226,7 @@ struct Simplifier<'a> {
     whole: Option<Boxes>,
     /// Around those of `left`.
     rest: Option<Boxes>,
-    /// All triangles that are left, and some that have gone since this was last looked at.
+    /// All triangles that are left, and some that have gone since this was last looked at; empty until it is.
     left: Vec<u32>,
     error: f32,
     cost: f32,
@@ -216,7 +239,7 @@ struct Simplifier<'a> {
     welded: &'a WeldedMesh,
 }
 
-impl<'a> Simplifier<'a> {
+impl<'a, N: Number> Simplifier<'a, N> {
     fn new(welded: &'a WeldedMesh, setting: Setting<'a>, places: Vec<Place>, grid_steps: f32) -> Self {
         let mesh = CornerMesh::new(welded);
         let positions = mesh.position_count();
@@ -228,7 +251,7 @@ impl<'a> Simplifier<'a> {
             piece_looks: PIECE_LOOKS * welded.triangles.len(),
             whole: None,
             rest: None,
-            left: (0..welded.triangles.len() as u32).collect(),
+            left: Vec::new(),
             error: 0.0,
             cost: 0.0,
             grid_steps,
@@ -242,6 +265,13 @@ impl<'a> Simplifier<'a> {
             setting,
             evaluator,
         }
+    }
+
+    fn ordered(mut self) -> CollapseOrder {
+        self.run();
+        self.order.stall = self.common_stall();
+        self.vanish_pieces();
+        self.order
     }
 
     /// Collapses until nothing may. What a step frees farther away than its neighbours is found by looking at all that
@@ -352,7 +382,7 @@ impl<'a> Simplifier<'a> {
 
     fn remove_wedge(&mut self, wedge: u32, target: Target) {
         self.wedge_gone[wedge as usize] = true;
-        self.order.moves.push((wedge, target));
+        self.order.moves.push(Move::new(wedge, target));
     }
 
     /// Kills the ring's triangles at the target and hands the others over to it.
@@ -436,7 +466,7 @@ impl<'a> Simplifier<'a> {
     /// Of two triangles back to back, when nothing else is left, one goes: it is the same sheet, drawn from both sides. Each
     /// must have three wedges of its own.
     fn vanish_back(&mut self) {
-        self.mesh.drop_dead(&mut self.left);
+        self.find_left();
         let &[front, back] = self.left.as_slice() else { return };
         let faces = self.mesh.positions_of(front);
         let apart = |&p: &u32| {
@@ -463,9 +493,9 @@ impl<'a> Simplifier<'a> {
         let first = kept.iter().copied().min().unwrap_or(0);
         let mut ends = vec![first; self.wedge_position.len()];
         kept.iter().for_each(|&wedge| ends[wedge as usize] = wedge);
-        for &(wedge, target) in self.order.moves.iter().rev() {
-            if let Target::Wedge(to) = target {
-                ends[wedge as usize] = ends[to as usize];
+        for gone in self.order.moves.iter().rev() {
+            if let Target::Wedge(to) = gone.target() {
+                ends[gone.wedge as usize] = ends[to as usize];
             }
         }
         self.order.removed.iter().all(|&triangle| {
@@ -572,8 +602,8 @@ impl<'a> Simplifier<'a> {
     /// The triangle of what is left that is nearest to a point, if it is nearer than `most`; one of at most `enough` may
     /// be another.
     fn nearest_left(&mut self, point: Vec3, [most, enough]: [f32; 2], looks: usize) -> Found {
-        if 2 * self.mesh.live_triangles <= self.left.len() {
-            self.mesh.drop_dead(&mut self.left);
+        if self.left.is_empty() || 2 * self.mesh.live_triangles <= self.left.len() {
+            self.find_left();
             self.rest = None;
         }
         let rest = self.rest.take();
@@ -584,9 +614,21 @@ impl<'a> Simplifier<'a> {
         found
     }
 
+    /// Lists what is left.
+    fn find_left(&mut self) {
+        if self.left.is_empty() {
+            let all = 0..self.welded.triangles.len() as u32;
+            self.left.reserve_exact(self.mesh.live_triangles);
+            self.left.extend(all.filter(|&triangle| self.mesh.is_alive(triangle)));
+        } else {
+            self.left.retain(|&triangle| self.mesh.is_alive(triangle));
+        }
+    }
+
     fn corners_left(&self, i: usize) -> [Vec3; 3] {
-        let [a, b, c] = self.mesh.positions_of(self.left[i]);
-        if a == NONE { GONE } else { [a, b, c].map(|position| self.evaluator.ring.point(position)) }
+        let triangle = self.left[i];
+        let corners = || self.mesh.positions_of(triangle).map(|position| self.evaluator.ring.point(position));
+        if self.mesh.is_alive(triangle) { corners() } else { GONE }
     }
 
     fn pieces(&self) -> Vec<Piece> {

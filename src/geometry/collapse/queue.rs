@@ -6,6 +6,8 @@
 
 use std::collections::VecDeque;
 
+use super::mesh::Number;
+
 const MANTISSA_BITS: u32 = 5;
 const SHIFT: u32 = 23 - MANTISSA_BITS;
 /// As many as there are exponents.
@@ -16,16 +18,16 @@ const _: () = assert!(BUCKETS / 64 <= u128::BITS as usize);
 const ABSENT: u16 = u16::MAX;
 
 /// The queue; costs are non-negative floats.
-pub(super) struct BucketQueue {
+pub(super) struct BucketQueue<N> {
     /// The buckets of each exponent; none until the first is used, so that a queue for a few positions costs little.
-    rows: Vec<Vec<VecDeque<u32>>>,
+    rows: Vec<Vec<VecDeque<N>>>,
     occupied: Vec<u64>,
     /// Which words of `occupied` have a bit set.
     words: u128,
     bucket_of: Vec<u16>,
 }
 
-impl BucketQueue {
+impl<N: Number> BucketQueue<N> {
     /// An empty queue for positions `0..count`.
     pub fn new(count: usize) -> Self {
         Self {
@@ -46,7 +48,7 @@ impl BucketQueue {
         if row.is_empty() {
             row.resize_with(ROW_BUCKETS, VecDeque::new);
         }
-        row[bucket % ROW_BUCKETS].push_back(position);
+        row[bucket % ROW_BUCKETS].push_back(N::of(position));
         self.occupied[bucket / 64] |= 1 << (bucket % 64);
         self.words |= 1 << (bucket / 64);
     }
@@ -67,6 +69,7 @@ impl BucketQueue {
             let word = self.words.trailing_zeros() as usize;
             let bucket = word * 64 + self.occupied[word].trailing_zeros() as usize;
             while let Some(position) = self.rows[bucket / ROW_BUCKETS][bucket % ROW_BUCKETS].pop_front() {
+                let position = position.get();
                 if self.bucket_of[position as usize] as usize == bucket {
                     self.remove(position);
                     return Some(position);
@@ -101,7 +104,7 @@ mod tests {
     proptest! {
         #[test]
         fn pops_in_order_of_buckets(costs in prop::collection::vec(0f32..1e6, 1..200)) {
-            let mut queue = BucketQueue::new(costs.len());
+            let mut queue = BucketQueue::<u16>::new(costs.len());
             for (position, &cost) in costs.iter().enumerate() {
                 queue.set(position as u32, f32::MAX);
                 queue.set(position as u32, cost);
@@ -119,7 +122,7 @@ mod tests {
 
     #[test]
     fn equal_costs_leave_in_the_order_in_which_they_came() {
-        let mut queue = BucketQueue::new(4);
+        let mut queue = BucketQueue::<u16>::new(4);
         for position in [2, 0, 3, 1] {
             queue.set(position, 1.0);
         }

@@ -6,7 +6,7 @@ use glam::{BVec4A, Vec3, Vec4};
 
 use super::drift::squared_distance;
 use super::four::{self, Four, narrowed, squared_distances, widened};
-use super::mesh::{CornerMesh, Face, QUARTER, Witness};
+use super::mesh::{CornerMesh, Face, Number, QUARTER, Witness};
 use crate::geometry::quadric::{Planes, Quadric};
 
 /// The weight of boundary planes against the surface's own, per squared edge length.
@@ -213,7 +213,7 @@ impl Ring {
     }
 
     /// Walks around a position.
-    pub fn collect(&mut self, mesh: &mut CornerMesh, position: u32) {
+    pub fn collect(&mut self, mesh: &mut CornerMesh<impl Number>, position: u32) {
         self.begin(position);
         let most = 2 * mesh.listed(position);
         if self.all_neighbours.len() < most {
@@ -225,7 +225,7 @@ impl Ring {
     }
 
     #[inline(always)]
-    fn gather(&mut self, mesh: &mut CornerMesh, position: u32) {
+    fn gather(&mut self, mesh: &mut CornerMesh<impl Number>, position: u32) {
         // Triangles are far apart in memory: all are loaded before anything is done with one of them.
         self.faces.resize(mesh.listed(position), RingFace::NONE);
         let faces = self.faces.as_mut_slice();

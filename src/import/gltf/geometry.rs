@@ -142,7 +142,7 @@ impl<'a> Geometry<'a> {
         shape: Shape,
         name: &str,
     ) -> (Vec<[u32; 3]>, Vec<u32>) {
-        let mut triangles = Vec::new();
+        let mut triangles = Vec::with_capacity(faces.size_hint().0);
         let mut vertices = Vec::new();
         let (mut missing, mut broken) = (0, 0);
         self.numbers.resize(self.numbers.len().max(positions.count), UNUSED);

@@ -16,9 +16,10 @@ pub struct Document<'a> {
     pub blob: Option<&'a [u8]>,
 }
 
-/// Extensions that may be required because what they change is read (quantised attributes, compressed views) or is not
-/// drawn (textures, lights); so are all whose name begins with [`MATERIALS`].
-const HARMLESS: [&str; 9] = [
+/// Extensions that may be required because what they change is read (quantised attributes, compressed views, copies of
+/// meshes) or is not drawn (textures, lights); so are all whose name begins with [`MATERIALS`].
+const HARMLESS: [&str; 10] = [
+    super::instancing::EXTENSION,
     "KHR_mesh_quantization",
     "EXT_meshopt_compression",
     "KHR_meshopt_compression",

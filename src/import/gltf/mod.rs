@@ -2,8 +2,8 @@
 //!
 //! [`document`] opens the container and the JSON, [`buffers`] fetches the bytes, [`compressed`] unpacks some of
 //! them, [`accessor`] reads numbers
-//! out of them, [`geometry`] makes a mesh of a primitive, [`nodes`] walks the tree, and this module places
-//! one at the other.
+//! out of them, [`geometry`] makes a mesh of a primitive, [`nodes`] walks the tree, with the copies that
+//! [`instancing`] finds, and this module places one at the other.
 //!
 //! The `gltf` crate supplies the JSON structures; its validation is not used, because it refuses whole files
 //! for one useless primitive and indexes tables before it has checked the index. Every index, count and
@@ -15,6 +15,7 @@ mod buffers;
 mod compressed;
 mod document;
 mod geometry;
+mod instancing;
 mod materials;
 mod nodes;
 
@@ -27,6 +28,7 @@ use super::notes::{Notes, quoted};
 use super::{Instance, Material, Model, Problem, Shelf, check_instance_count, index_of, part_name};
 use buffers::Buffers;
 use geometry::{Geometry, GeometryKey};
+use instancing::Instancing;
 use nodes::Placed;
 
 /// Bytes of memory that tables take for each byte of the text that they come from.
@@ -48,7 +50,10 @@ pub(super) fn read(input: &Input<'_>, shelf: Shelf) -> Result<Model<Shelf>, Prob
     shelf.room().check(need_bytes, "the text of this glTF and its tables take")?;
     let document = document::parse(&bytes)?;
     let buffers = buffers::load(&document, input.path)?;
-    let placed = nodes::walk(&document.root)?;
+    let mut instancing = Instancing::of(&document, &buffers)?;
+    let need_bytes = need_bytes + instancing.count() as u64 * instancing::COPY_BYTES;
+    shelf.room().check(need_bytes, "the text of this glTF, its tables and the copies of its meshes take")?;
+    let placed = nodes::walk(&document.root, &mut instancing)?;
     let materials = materials::read(&document);
     let release = || {
         bytes.release();
@@ -56,9 +61,6 @@ pub(super) fn read(input: &Input<'_>, shelf: Shelf) -> Result<Model<Shelf>, Prob
     };
     Importer::new(&document.root, &buffers, materials, shelf).import(placed, &release)
 }
-
-/// The extension that places a node's mesh several times.
-const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
 struct Importer<'a> {
     root: &'a Root,
@@ -82,10 +84,6 @@ impl<'a> Importer<'a> {
 
     /// Places the primitives of every node's mesh; `release` is called now and then.
     fn import(mut self, placed: Vec<Placed>, release: &dyn Fn()) -> Result<Model<Shelf>, Problem> {
-        if self.root.extensions_used.iter().any(|name| name == INSTANCING) {
-            let what = "extensions are not read that place meshes several times";
-            self.notes.count(what, 1, || quoted(INSTANCING));
-        }
         let mut read = 0;
         for (number, node) in placed.into_iter().enumerate() {
             self.place_mesh(number as u32, &node)?;
@@ -114,7 +112,10 @@ impl<'a> Importer<'a> {
             self.notes.count(what, 1, || quoted(name));
             return Ok(());
         }
-        let part = mesh.name.as_ref().filter(|own| !own.is_empty()).unwrap_or(name);
+        // A part is named alike for all its copies.
+        let of_copies = placed.node.parent.filter(|_| placed.is_copy);
+        let name = of_copies.map_or(name, |node| &self.model.nodes[node as usize].name);
+        let part = &mesh.name.as_ref().filter(|own| !own.is_empty()).unwrap_or(name).clone();
         self.note_what_moves(placed, mesh);
         check_instance_count(self.model.instances.len() + mesh.primitives.len())?;
         let new = self.model.meshes.len();

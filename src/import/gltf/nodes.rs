@@ -3,13 +3,16 @@
 use ::gltf::json::{Node as JsonNode, Root};
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 
+use super::instancing::Instancing;
 use crate::import::notes::quoted;
 use crate::import::{Node, Problem, index_of};
 
-/// A node of the tree with its place in the world.
+/// A node of the tree with its place in the world, or one of the copies of its mesh.
 pub struct Placed {
     /// Its name, and its parent in the list of placed nodes.
     pub node: Node,
+    /// Whether it is a copy of its parent's mesh.
+    pub is_copy: bool,
     /// The mesh that it places, an index into the document's table, not checked.
     pub mesh: Option<usize>,
     /// Whether bones move its mesh.
@@ -21,14 +24,15 @@ pub struct Placed {
 }
 
 /// Lists the nodes below the roots of the default scene: of the first one if none is said to be the default,
-/// and below all nodes without a parent if there is no scene.
+/// and below all nodes without a parent if there is no scene. A node whose mesh has copies does not place it, but has a
+/// node for each copy below it.
 ///
 /// Takes no stack for depth.
 ///
 /// # Errors
 ///
-/// [`Problem::Malformed`] for a node that is not there, or one that is reached twice.
-pub fn walk(root: &Root) -> Result<Vec<Placed>, Problem> {
+/// [`Problem::Malformed`] for a node that is not there, or one that is reached twice, and for copies that make no sense.
+pub fn walk(root: &Root, instancing: &mut Instancing<'_>) -> Result<Vec<Placed>, Problem> {
     let mut placed: Vec<Placed> = Vec::new();
     let mut reached = vec![false; root.nodes.len()];
     // Nodes to visit with their parents; the last is the next.
@@ -40,15 +44,38 @@ pub fn walk(root: &Root) -> Result<Vec<Placed>, Problem> {
         let number = index_of(placed.len())?;
         let children = node.children.iter().flatten().rev();
         waiting.extend(children.map(|child| (child.value(), Some(number))));
-        placed.push(Placed {
+        let mesh = node.mesh.map(|mesh| mesh.value());
+        let copies = mesh.map(|_| instancing.copies(index)).transpose()?.flatten();
+        let own = Placed {
             node: Node { name: node.name.clone().unwrap_or_default(), parent },
-            mesh: node.mesh.map(|mesh| mesh.value()),
+            is_copy: false,
+            mesh: mesh.filter(|_| copies.is_none()),
             has_skin: node.skin.is_some(),
             weights: node.weights.clone(),
             world: above * local_transform(node),
-        });
+        };
+        let copy = |(nth, from_copy): (usize, DAffine3)| own.copy(nth, number, mesh, from_copy);
+        let copies: Vec<Placed> = copies.into_iter().flatten().enumerate().map(copy).collect();
+        placed.push(own);
+        placed.extend(copies);
     }
     Ok(placed)
+}
+
+impl Placed {
+    /// A copy of its mesh, at a place relative to it; `number` is its own.
+    fn copy(&self, nth: usize, number: u32, mesh: Option<usize>, from_copy: DAffine3) -> Self {
+        let own = &self.node.name;
+        let name = if own.is_empty() { String::new() } else { format!("{own} {}", nth + 1) };
+        Self {
+            node: Node { name, parent: Some(number) },
+            is_copy: true,
+            mesh,
+            has_skin: self.has_skin,
+            weights: self.weights.clone(),
+            world: self.world * from_copy,
+        }
+    }
 }
 
 /// Looks a node up and marks it.
@@ -96,20 +123,27 @@ fn local_transform(node: &JsonNode) -> DAffine3 {
         value.map_or(default, |v| DVec3::from_array(v.map(f64::from)))
     };
     let rotation = node.rotation.map_or(DQuat::IDENTITY, |r| DQuat::from_array(r.0.map(f64::from)));
+    from_parts(triple(node.scale, DVec3::ONE), rotation, triple(node.translation, DVec3::ZERO))
+}
+
+/// Scales, then turns, then moves.
+pub fn from_parts(scale: DVec3, rotation: DQuat, translation: DVec3) -> DAffine3 {
     // A rotation of length zero turns nothing; one that is not finite stays so, and its node is skipped.
     let rotation = if rotation.length_squared() == 0.0 { DQuat::IDENTITY } else { rotation.normalize() };
-    let scale = triple(node.scale, DVec3::ONE);
-    DAffine3::from_scale_rotation_translation(scale, rotation, triple(node.translation, DVec3::ZERO))
+    DAffine3::from_scale_rotation_translation(scale, rotation, translation)
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::document;
+    use super::super::{buffers, document};
     use super::*;
 
     fn walked(tables: &str) -> Result<Vec<Placed>, String> {
         let text = format!(r#"{{"asset":{{"version":"2.0"}},{tables}}}"#);
-        walk(&document::parse(text.as_bytes()).unwrap().root).map_err(|problem| problem.to_string())
+        let document = document::parse(text.as_bytes()).unwrap();
+        let buffers = buffers::load(&document, std::path::Path::new("x.gltf")).unwrap();
+        let mut instancing = Instancing::of(&document, &buffers).unwrap();
+        walk(&document.root, &mut instancing).map_err(|problem| problem.to_string())
     }
 
     #[test]

@@ -95,8 +95,8 @@ impl<'a> Sides<'a> {
     }
 }
 
-/// The edges of a mesh that `keep` says yes to, each once, in the order of their ends. All of them take twice the memory
-/// of the mesh.
+/// The edges of a mesh that `keep` says yes to, each once, in the order of their ends. All of them take as much
+/// memory as the mesh.
 pub fn position_edges(mesh: &WeldedMesh, keep: impl Fn(&PositionEdge) -> bool) -> Vec<PositionEdge> {
     let mut edges = Vec::new();
     Sides::of(&mesh.wedge_position, &mesh.triangles).for_each(|edge, _| {

@@ -162,6 +162,9 @@ fn shared_borders(meshes: &[Welded]) -> FxHashSet<[u32; 3]> {
             open.entry(ends(welded, edge)).or_insert(number);
         }
     }
+    if open.is_empty() {
+        return shared;
+    }
     for (number, welded) in meshes.iter().enumerate() {
         let other = |edge: &PositionEdge| open.get(&ends(welded, edge)).is_some_and(|&owner| owner != number);
         shared.extend(position_edges(&welded.mesh, other).iter().flat_map(|edge| ends(welded, edge)));

@@ -174,8 +174,13 @@ fn model_of_one(
 /// The name of the `nth` mesh of an object: the object's own, but cut after the first, so that one long name
 /// that many meshes share takes no room that the file does not take.
 fn part_name(name: &str, nth: usize) -> String {
+    if nth == 0 { name.to_owned() } else { shared_name(name).to_owned() }
+}
+
+/// The beginning of a name that many objects share.
+fn shared_name(name: &str) -> &str {
     const SHARED: usize = 256;
-    if nth == 0 { name.to_owned() } else { name.chars().take(SHARED).collect() }
+    name.char_indices().nth(SHARED).map_or(name, |(end, _)| &name[..end])
 }
 
 #[cfg(test)]

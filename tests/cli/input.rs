@@ -316,4 +316,26 @@ fn copies_of_a_mesh_are_placed_and_listed() {
     assert_eq!(place.bake("again.glb", "again.clps")["instances"], 3);
     let bounds = |file: &str| place.run(&["info", file, "--json"]).json()["bounds"].clone();
     assert_eq!(bounds("copied.clps"), bounds("again.clps"));
+    let part = place.run(&["info", "copied.clps", "--parts"]);
+    assert!(part.out.contains("bolt") && !part.out.contains("bolt 1"), "{}", part.out);
+}
+
+#[test]
+fn copies_that_take_more_than_the_memory_are_refused() {
+    let place = Workplace::new();
+    let plain = glb(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[0, 1, 2], 4);
+    let copied = with_text(&plain, |json| {
+        json["extensionsUsed"] = serde_json::json!(["EXT_mesh_gpu_instancing"]);
+        let accessor = serde_json::json!({ "componentType": 5126, "count": 200_000, "type": "VEC3" });
+        json["accessors"].as_array_mut().unwrap().push(accessor);
+        let number = json["accessors"].as_array().unwrap().len() - 1;
+        let attributes = serde_json::json!({ "SCALE": number });
+        json["nodes"][0]["extensions"] =
+            serde_json::json!({ "EXT_mesh_gpu_instancing": { "attributes": attributes } });
+    });
+    place.write("copied.glb", copied);
+    let bake = ["bake", "copied.glb", "-o", "out.clps", "--memory", "64MiB"];
+    place.run(&bake).failed(&["the copies of its meshes take", "copied.glb"]);
+    // Without a cap it is the accessor that is refused: nothing stands behind it.
+    place.run(&bake[..4]).failed(&["promises 200000 elements", "copied.glb"]);
 }

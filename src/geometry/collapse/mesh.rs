@@ -31,6 +31,7 @@ pub(super) trait Number: Copy + Eq {
 impl Number for u16 {
     #[inline(always)]
     fn of(number: u32) -> Self {
+        debug_assert!(number <= u32::from(u16::MAX), "{number} takes more than 16 bits");
         number as u16
     }
 
@@ -56,6 +57,8 @@ impl Number for u32 {
 const SPARE: usize = 4;
 /// And for so many more.
 const LEAST_SPARE: usize = 64;
+/// Lists of more corners than this are few.
+const LONG: u32 = 64;
 
 /// The dynamic mesh.
 pub(super) struct CornerMesh<N> {
@@ -73,7 +76,7 @@ pub(super) struct CornerMesh<N> {
     pub live_triangles: usize,
 }
 
-/// What is known of a triangle takes one load.
+/// What a walk asks of a triangle takes one load: 16 bytes where numbers have 16 bits.
 #[derive(Clone, Copy)]
 #[repr(C, align(16))]
 struct Triangle<N> {
@@ -324,8 +327,8 @@ impl<N: Number> CornerMesh<N> {
         self.lists[position as usize] = List { start, room, ..list };
     }
 
-    /// Moves all lists to the front of their array, without room to grow, and leaves at least `room` at its end. What
-    /// dead corners took is given back.
+    /// Moves all lists to the front of their array and leaves `room` and a share of the array at its end. Only long lists
+    /// keep their room to grow: they would move again and again. What dead corners took is given back.
     fn move_together(&mut self, room: usize) {
         let used = |&position: &u32| self.lists[position as usize].room > 0;
         let mut positions: Vec<u32> = (0..self.lists.len() as u32).filter(used).collect();
@@ -335,14 +338,15 @@ impl<N: Number> CornerMesh<N> {
             self.collect_faces(position, |_, _| {});
             let list = self.lists[position as usize];
             self.corners.copy_within(list.range(), end);
-            let moved = List { start: end as u32, room: list.len, ..list };
+            let room = if list.len > LONG { list.room.min(list.len + list.len / 2) } else { list.len };
+            let moved = List { start: end as u32, room, ..list };
             self.lists[position as usize] = if list.len > 0 { moved } else { List::default() };
-            end += list.len as usize;
+            end += room as usize;
         }
         self.corners.truncate(end);
-        // As much again, so that moving costs little for each collapse.
+        // A quarter at least, and of what the array has already as much again: the more, the fewer such moves.
         self.corners.shrink_to(2 * end + room);
-        self.corners.reserve_exact(room.max(end / SPARE));
+        self.corners.reserve_exact(room + end / SPARE);
     }
 
     /// Drops the list of a position that has no live corner left.
@@ -463,6 +467,17 @@ mod tests {
                     .all(|position| mesh.faces(position).count() == mesh.valence(position) as usize)
             );
         }
+    }
+
+    #[test]
+    fn a_hub_keeps_room_to_grow_when_lists_move_together() {
+        let fan: Vec<[u32; 3]> = (0..400).map(|i| [0, 1 + i % 38, 2 + i % 38]).collect();
+        let mut mesh = CornerMesh::<u16>::new(&mesh_of(fan));
+        mesh.make_room(0);
+        mesh.move_together(0);
+        let hub = mesh.lists[0];
+        assert_eq!((hub.len, hub.room), (400, 600));
+        assert!(mesh.lists[1..].iter().all(|list| list.room == list.len));
     }
 
     proptest! {

@@ -3,7 +3,7 @@
 //! A node with this extension does not place its mesh once, but once for every element of its accessors, each relative
 //! to the node: a translation, a rotation and a scale, of which any may be missing.
 
-use std::collections::BTreeMap;
+use std::rc::Rc;
 
 use ::gltf::json::Root;
 use glam::{DAffine3, DQuat, DVec3};
@@ -12,28 +12,28 @@ use serde::Deserialize;
 use super::accessor::{Accessors, Reader};
 use super::buffers::Buffers;
 use super::document::Document;
-use super::nodes::from_parts;
+use super::nodes::{Placed, from_parts};
 use crate::import::notes::quoted;
-use crate::import::{Problem, check_instance_count};
+use crate::import::{Instance, Node, Problem, check_instance_count, shared_name};
 
 /// The name of the extension.
 pub const EXTENSION: &str = "EXT_mesh_gpu_instancing";
 
-/// Bytes of memory that a copy takes until the model is baked, at most, but for a long name.
-pub const COPY_BYTES: u64 = 400;
+/// Copies that a file may have for nothing; beyond these it needs a byte for every few of them.
+const FREE_COPIES: usize = 1 << 18;
 
-/// Copies that a file may have for nothing; beyond these it needs a byte for each.
-const FREE_COPIES: usize = 1 << 16;
+/// So many copies may stand behind a byte: nodes that are copied together share their accessors.
+const COPIES_A_BYTE: usize = 4;
 
 /// What the extension says, of every node.
 #[derive(Default, Deserialize)]
 struct Tables {
     #[serde(default)]
-    nodes: Vec<Node>,
+    nodes: Vec<Extended>,
 }
 
 #[derive(Default, Deserialize)]
-struct Node {
+struct Extended {
     #[serde(default)]
     extensions: Option<Extensions>,
 }
@@ -44,17 +44,31 @@ struct Extensions {
     instancing: Option<Attributes>,
 }
 
-/// Accessors by the names of attributes; other names than those of [`Copies`] have no meaning here, but a count.
+/// Accessors of what is said of each copy.
 #[derive(Default, Deserialize)]
 struct Attributes {
     #[serde(default)]
-    attributes: BTreeMap<String, usize>,
+    attributes: Named,
+}
+
+#[derive(Clone, Copy, Default, Deserialize)]
+#[serde(rename_all = "UPPERCASE")]
+struct Named {
+    translation: Option<usize>,
+    rotation: Option<usize>,
+    scale: Option<usize>,
+}
+
+impl Named {
+    fn accessors(self) -> impl Iterator<Item = usize> {
+        [self.translation, self.rotation, self.scale].into_iter().flatten()
+    }
 }
 
 /// Reads the copies of nodes.
 pub struct Instancing<'a> {
     root: &'a Root,
-    nodes: Vec<Node>,
+    nodes: Vec<Extended>,
     accessors: Accessors<'a>,
 }
 
@@ -76,82 +90,100 @@ impl<'a> Instancing<'a> {
             Tables::default()
         };
         let instancing = Self { root, nodes: tables.nodes, accessors: Accessors::new(root, buffers) };
-        let count = instancing.count();
+        let count = instancing.all().fold(0, |sum: u64, (_, count)| sum.saturating_add(count));
+        let count = usize::try_from(count).unwrap_or(usize::MAX);
         check_instance_count(count)?;
-        if count > buffers.total_bytes().saturating_add(FREE_COPIES) {
-            let what = format!("{EXTENSION} promises {count} copies, far more than there are data");
-            return Err(Problem::Malformed(what));
+        if count > buffers.total_bytes().saturating_mul(COPIES_A_BYTE).saturating_add(FREE_COPIES) {
+            return Err(Problem::Malformed(format!(
+                "{EXTENSION} promises {count} copies of meshes, far more than there are data; if they are meant, write them \
+                 as nodes"
+            )));
         }
         Ok(instancing)
     }
 
-    /// How many copies all nodes have at most.
-    pub fn count(&self) -> usize {
-        let count = |&accessor: &usize| self.root.accessors.get(accessor).map_or(0, |found| found.count.0);
-        let most = |node| self.attributes(node)?.values().map(count).max();
-        let all = (0..self.nodes.len()).filter_map(most).fold(0, u64::saturating_add);
-        usize::try_from(all).unwrap_or(usize::MAX)
+    /// Every node whose mesh has copies, and how many at most.
+    fn all(&self) -> impl Iterator<Item = (usize, u64)> {
+        let count = |accessor: usize| self.root.accessors.get(accessor).map_or(0, |found| found.count.0);
+        let most = move |node| Some((node, self.attributes(node)?.accessors().map(count).max()?));
+        (0..self.nodes.len()).filter_map(most)
     }
 
-    fn attributes(&self, node: usize) -> Option<&BTreeMap<String, usize>> {
-        let attributes = &self.nodes.get(node)?.extensions.as_ref()?.instancing.as_ref()?.attributes;
-        (!attributes.is_empty()).then_some(attributes)
+    /// How much memory the copies take until the model is baked, at most, in bytes.
+    pub fn need_bytes(&self) -> u64 {
+        let meshes = |node: usize| self.root.meshes.get(self.root.nodes.get(node)?.mesh?.value());
+        let name = |node: usize| self.root.nodes.get(node)?.name.as_deref();
+        let each = self.all().map(|(node, count)| {
+            let primitives = meshes(node).map_or(0, |mesh| mesh.primitives.len());
+            // Vectors grow by doubling; a name and its number.
+            let listed = 2 * (size_of::<Placed>() + size_of::<Node>() + primitives * size_of::<Instance>());
+            let named = 32 + name(node).map_or(0, |name| shared_name(name).len());
+            count.saturating_mul((listed + named) as u64)
+        });
+        each.fold(0, u64::saturating_add)
     }
 
-    /// Where the copies of a node's mesh are, relative to the node; `None` if the node places its mesh itself.
+    /// The extension's attributes of a node with a mesh.
+    fn attributes(&self, node: usize) -> Option<Named> {
+        self.root.nodes.get(node)?.mesh?;
+        let named = self.nodes.get(node)?.extensions.as_ref()?.instancing.as_ref()?.attributes;
+        named.accessors().next().map(|_| named)
+    }
+
+    /// Where the copies of a node's mesh are, relative to the node; `None` if the node places its mesh itself, as it does
+    /// where nothing is said of its copies but what an application alone understands.
     ///
     /// # Errors
     ///
     /// [`Problem::Malformed`] for accessors that do not hold what they promise, or do not fit together.
     pub fn copies(&mut self, node: usize) -> Result<Option<Vec<DAffine3>>, Problem> {
-        let Some(attributes) = self.attributes(node) else { return Ok(None) };
-        let attributes = attributes.clone();
-        let mut readers = Vec::with_capacity(attributes.len());
-        for (name, accessor) in attributes {
-            readers.push((name, self.accessors.get(accessor)?));
+        let Some(named) = self.attributes(node) else { return Ok(None) };
+        let mut reader =
+            |accessor: Option<usize>| accessor.map(|index| self.accessors.get(index)).transpose();
+        let readers = [
+            ("TRANSLATION", 3, reader(named.translation)?),
+            ("ROTATION", 4, reader(named.rotation)?),
+            ("SCALE", 3, reader(named.scale)?),
+        ];
+        let there =
+            || readers.iter().filter_map(|(name, parts, reader)| Some((name, *parts, reader.as_ref()?)));
+        let count = there().next().map_or(0, |(.., reader)| reader.count);
+        for (name, parts, reader) in there() {
+            let what = if reader.count != count {
+                format!("has {count} copies, but {} of their {name}", reader.count)
+            } else if reader.components != parts {
+                format!("has a {name} of its copies that is not made of {parts} numbers")
+            } else {
+                continue;
+            };
+            let own = self.root.nodes.get(node).and_then(|node| node.name.as_deref()).unwrap_or_default();
+            return Err(Problem::Malformed(format!("node {node} {} {what}", quoted(own))));
         }
-        let count = readers.first().map_or(0, |(_, reader)| reader.count);
-        let own =
-            || quoted(self.root.nodes.get(node).and_then(|node| node.name.as_deref()).unwrap_or_default());
-        let malformed = |what: String| Problem::Malformed(format!("node {node} {} {what}", own()));
-        if let Some((name, reader)) = readers.iter().find(|(_, reader)| reader.count != count) {
-            let what = format!("has {count} copies, but {} {}", reader.count, quoted(name));
-            return Err(malformed(what));
-        }
-        let named = |wanted: &str, components: usize| {
-            let reader = readers.iter().find(|(name, _)| name == wanted).map(|(_, reader)| &**reader);
-            let fits = reader.is_none_or(|reader| reader.components == components);
-            let what = || format!("has a {wanted} of its copies that is not made of {components} numbers");
-            if fits { Ok(reader) } else { Err(malformed(what())) }
-        };
-        let parts = Copies {
-            translation: named("TRANSLATION", 3)?,
-            rotation: named("ROTATION", 4)?,
-            scale: named("SCALE", 3)?,
-        };
-        Ok(Some((0..count).map(|copy| parts.at(copy)).collect()))
+        let [translation, rotation, scale] = readers.map(|(.., reader)| reader);
+        let copies = Copies { translation, rotation, scale };
+        Ok(Some((0..count).map(|copy| copies.at(copy)).collect()))
     }
 }
 
 /// What makes the transforms of a node's copies.
-struct Copies<'r> {
-    translation: Option<&'r Reader<'r>>,
-    rotation: Option<&'r Reader<'r>>,
-    scale: Option<&'r Reader<'r>>,
+struct Copies<'a> {
+    translation: Option<Rc<Reader<'a>>>,
+    rotation: Option<Rc<Reader<'a>>>,
+    scale: Option<Rc<Reader<'a>>>,
 }
 
 impl Copies<'_> {
     /// The transform of a copy, relative to its node.
     fn at(&self, copy: usize) -> DAffine3 {
-        let vector = |reader: Option<&Reader<'_>>, default: [f64; 4]| {
-            reader.map_or(default, |reader| reader.vector(copy).map(f64::from))
+        let vector = |reader: &Option<Rc<Reader<'_>>>, default: [f64; 4]| {
+            reader.as_ref().map_or(default, |reader| reader.vector(copy).map(f64::from))
         };
         let triple = |reader, default| {
             let [x, y, z, _] = vector(reader, [default; 4]);
             DVec3::new(x, y, z)
         };
-        let rotation = DQuat::from_array(vector(self.rotation, [0.0, 0.0, 0.0, 1.0]));
-        from_parts(triple(self.scale, 1.0), rotation, triple(self.translation, 0.0))
+        let rotation = DQuat::from_array(vector(&self.rotation, [0.0, 0.0, 0.0, 1.0]));
+        from_parts(triple(&self.scale, 1.0), rotation, triple(&self.translation, 0.0))
     }
 }
 
@@ -159,7 +191,7 @@ impl Copies<'_> {
 mod tests {
     use std::path::Path;
 
-    use super::super::nodes::{Placed, walk};
+    use super::super::nodes::walk;
     use super::super::{buffers, document};
     use super::*;
 
@@ -171,21 +203,25 @@ mod tests {
             0., 0., 0., 2., 0., 0., 1., 0., // rotations, of which the first is not of unit length
             1., 1., 1., 3., 3., 3., // scales
         ];
-        let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
+        let rotations: [i16; 8] = [0, 0, 0, 32767, 0, 0, 32767, 0];
+        let numbers = numbers.iter().flat_map(|number| number.to_le_bytes());
+        let bytes: Vec<u8> =
+            numbers.chain(rotations.iter().flat_map(|number| number.to_le_bytes())).collect();
         let accessor = |offset: usize, shape: &str| {
             format!(
                 r#"{{"bufferView":0,"byteOffset":{offset},"componentType":5126,"count":2,"type":"{shape}"}}"#
             )
         };
         format!(
-            r#""buffers":[{{"byteLength":80,"uri":"data:application/octet-stream;base64,{}"}}],
-            "bufferViews":[{{"buffer":0,"byteLength":80}}],
-            "accessors":[{},{},{},{}]"#,
+            r#""buffers":[{{"byteLength":96,"uri":"data:application/octet-stream;base64,{}"}}],
+            "bufferViews":[{{"buffer":0,"byteLength":96}}],
+            "accessors":[{},{},{},{},{}]"#,
             base64::Engine::encode(&base64::engine::general_purpose::STANDARD, bytes),
             accessor(0, "VEC3"),
             accessor(24, "VEC4"),
             accessor(56, "VEC3"),
             r#"{"componentType":5126,"count":3,"type":"VEC3"}"#,
+            r#"{"bufferView":0,"byteOffset":80,"componentType":5122,"normalized":true,"count":2,"type":"VEC4"}"#,
         )
     }
 
@@ -196,8 +232,8 @@ mod tests {
         );
         let document = document::parse(text.as_bytes()).map_err(|problem| problem.to_string())?;
         let buffers = buffers::load(&document, Path::new("x.gltf")).map_err(|problem| problem.to_string())?;
-        let mut instancing = Instancing::of(&document, &buffers).map_err(|problem| problem.to_string())?;
-        walk(&document.root, &mut instancing).map_err(|problem| problem.to_string())
+        let instancing = Instancing::of(&document, &buffers).map_err(|problem| problem.to_string())?;
+        walk(&document.root, instancing).map_err(|problem| problem.to_string())
     }
 
     fn node(attributes: &str) -> String {
@@ -208,7 +244,13 @@ mod tests {
 
     #[test]
     fn copies_are_nodes_below_the_one_that_has_them() {
-        let all = node(r#""TRANSLATION":0,"ROTATION":1,"SCALE":2,"_ID":0"#);
+        for rotation in [1, 4] {
+            let all = node(&format!(r#""TRANSLATION":0,"ROTATION":{rotation},"SCALE":2,"_ID":99"#));
+            copies_are_placed(&all);
+        }
+    }
+
+    fn copies_are_placed(all: &str) {
         let placed = walked(&format!(r#"{{"name":"top","children":[1]}},{all}"#)).unwrap();
         let tree: Vec<_> = placed.iter().map(|p| (p.node.name.as_str(), p.node.parent, p.mesh)).collect();
         let expected = [
@@ -225,17 +267,37 @@ mod tests {
 
     #[test]
     fn what_is_missing_does_nothing() {
-        let placed = walked(&node(r#""_ID":2"#)).unwrap();
+        let placed = walked(&node(r#""SCALE":2"#)).unwrap();
         assert_eq!(placed.len(), 3);
         assert!(placed[1].world.transform_point3(DVec3::ZERO).distance(DVec3::new(10.0, 0.0, 0.0)) < 1e-9);
-        let placed = walked(&node("")).unwrap();
-        assert_eq!((placed.len(), placed[0].mesh), (1, Some(7)));
+        // What only an application understands may be anything.
+        for attributes in ["", r#""_ID":99"#] {
+            let placed = walked(&node(attributes)).unwrap();
+            assert_eq!((placed.len(), placed[0].mesh), (1, Some(7)));
+        }
+        let without_mesh = node(r#""SCALE":99"#).replace(r#""mesh":7,"#, "");
+        assert_eq!(walked(&without_mesh).unwrap().len(), 1);
+    }
+
+    #[test]
+    fn children_of_a_node_with_copies_have_none() {
+        let with_child = node(r#""SCALE":2"#).replacen('{', r#"{"children":[1],"#, 1);
+        let placed = walked(&format!(r#"{with_child},{{"name":"child","mesh":3}}"#)).unwrap();
+        let tree: Vec<_> = placed.iter().map(|p| (p.node.name.as_str(), p.node.parent, p.mesh)).collect();
+        let copies = [("bolt 1", Some(0), Some(7)), ("bolt 2", Some(0), Some(7))];
+        assert_eq!(tree, [&[("bolt", None, None)], &copies[..], &[("child", Some(0), Some(3))]].concat());
+    }
+
+    #[test]
+    fn long_names_are_not_repeated_whole() {
+        let placed = walked(&node(r#""SCALE":2"#).replace("bolt", &"ä".repeat(100_000))).unwrap();
+        assert_eq!(placed[2].node.name.chars().count(), 256 + 2);
     }
 
     #[test]
     fn copies_that_make_no_sense_are_refused() {
         for (attributes, part) in [
-            (r#""TRANSLATION":0,"SCALE":3"#, "node 0 \"bolt\" has 3 copies, but 2 \"TRANSLATION\""),
+            (r#""TRANSLATION":0,"SCALE":3"#, "node 0 \"bolt\" has 2 copies, but 3 of their SCALE"),
             (r#""ROTATION":0"#, "has a ROTATION of its copies that is not made of 4 numbers"),
             (r#""TRANSLATION":9"#, "accessor 9 is not there"),
             (r#""TRANSLATION":"x""#, "the JSON of EXT_mesh_gpu_instancing is malformed"),
@@ -258,8 +320,8 @@ mod tests {
             Instancing::of(&document, &buffers).err().map(|problem| problem.to_string())
         };
         assert_eq!(many(0, 3), None);
-        assert!(many(70_000, 1).unwrap().contains("far more than there are data"));
-        assert!(many(40_000, 2).unwrap().contains("far more than there are data"));
+        assert!(many(300_000, 1).unwrap().contains("far more than there are data"));
+        assert!(many(140_000, 2).unwrap().contains("far more than there are data"));
         assert!(many(u64::MAX, 2).unwrap().contains("placements"));
     }
 }

@@ -50,10 +50,10 @@ pub(super) fn read(input: &Input<'_>, shelf: Shelf) -> Result<Model<Shelf>, Prob
     shelf.room().check(need_bytes, "the text of this glTF and its tables take")?;
     let document = document::parse(&bytes)?;
     let buffers = buffers::load(&document, input.path)?;
-    let mut instancing = Instancing::of(&document, &buffers)?;
-    let need_bytes = need_bytes + instancing.count() as u64 * instancing::COPY_BYTES;
+    let instancing = Instancing::of(&document, &buffers)?;
+    let need_bytes = need_bytes.saturating_add(instancing.need_bytes());
     shelf.room().check(need_bytes, "the text of this glTF, its tables and the copies of its meshes take")?;
-    let placed = nodes::walk(&document.root, &mut instancing)?;
+    let placed = nodes::walk(&document.root, instancing)?;
     let materials = materials::read(&document);
     let release = || {
         bytes.release();
@@ -112,10 +112,11 @@ impl<'a> Importer<'a> {
             self.notes.count(what, 1, || quoted(name));
             return Ok(());
         }
-        // A part is named alike for all its copies.
-        let of_copies = placed.node.parent.filter(|_| placed.is_copy);
-        let name = of_copies.map_or(name, |node| &self.model.nodes[node as usize].name);
-        let part = &mesh.name.as_ref().filter(|own| !own.is_empty()).unwrap_or(name).clone();
+        // A part is named alike for all its copies, which have names of their own.
+        let root: &'a Root = self.root;
+        let of_node = root.nodes.get(placed.index).and_then(|node| node.name.as_ref());
+        let own = mesh.name.as_ref().filter(|own| !own.is_empty());
+        let part = own.or(of_node).map_or("", String::as_str);
         self.note_what_moves(placed, mesh);
         check_instance_count(self.model.instances.len() + mesh.primitives.len())?;
         let new = self.model.meshes.len();
@@ -137,10 +138,11 @@ impl<'a> Importer<'a> {
     /// Notes what would bend a mesh: parts of an assembly are rigid.
     fn note_what_moves(&mut self, placed: &Placed, mesh: &Mesh) {
         let name = || quoted(&placed.node.name);
-        if placed.has_skin {
+        let Some(node) = self.root.nodes.get(placed.index) else { return };
+        if node.skin.is_some() {
             self.notes.count("meshes stay as their files have them, for skins are not read", 1, name);
         }
-        let mut weights = placed.weights.iter().chain(&mesh.weights).flatten();
+        let mut weights = node.weights.iter().chain(&mesh.weights).flatten();
         let has_targets = mesh.primitives.iter().any(|primitive| primitive.targets.is_some());
         if has_targets && weights.any(|&weight| weight != 0.0) {
             self.notes.count("meshes stay as their files have them, for morph targets are not read", 1, name);

@@ -5,20 +5,16 @@ use glam::{DAffine3, DMat4, DQuat, DVec3};
 
 use super::instancing::Instancing;
 use crate::import::notes::quoted;
-use crate::import::{Node, Problem, index_of};
+use crate::import::{Node, Problem, index_of, shared_name};
 
 /// A node of the tree with its place in the world, or one of the copies of its mesh.
 pub struct Placed {
     /// Its name, and its parent in the list of placed nodes.
     pub node: Node,
-    /// Whether it is a copy of its parent's mesh.
-    pub is_copy: bool,
+    /// The node that it is or is a copy of, an index into the document's table.
+    pub index: usize,
     /// The mesh that it places, an index into the document's table, not checked.
     pub mesh: Option<usize>,
-    /// Whether bones move its mesh.
-    pub has_skin: bool,
-    /// How much of each morph target its mesh has, if it says so itself.
-    pub weights: Option<Vec<f32>>,
     /// Node space to world space; may be anything, also not finite.
     pub world: DAffine3,
 }
@@ -32,7 +28,7 @@ pub struct Placed {
 /// # Errors
 ///
 /// [`Problem::Malformed`] for a node that is not there, or one that is reached twice, and for copies that make no sense.
-pub fn walk(root: &Root, instancing: &mut Instancing<'_>) -> Result<Vec<Placed>, Problem> {
+pub fn walk(root: &Root, mut instancing: Instancing<'_>) -> Result<Vec<Placed>, Problem> {
     let mut placed: Vec<Placed> = Vec::new();
     let mut reached = vec![false; root.nodes.len()];
     // Nodes to visit with their parents; the last is the next.
@@ -48,10 +44,8 @@ pub fn walk(root: &Root, instancing: &mut Instancing<'_>) -> Result<Vec<Placed>,
         let copies = mesh.map(|_| instancing.copies(index)).transpose()?.flatten();
         let own = Placed {
             node: Node { name: node.name.clone().unwrap_or_default(), parent },
-            is_copy: false,
+            index,
             mesh: mesh.filter(|_| copies.is_none()),
-            has_skin: node.skin.is_some(),
-            weights: node.weights.clone(),
             world: above * local_transform(node),
         };
         let copy = |(nth, from_copy): (usize, DAffine3)| own.copy(nth, number, mesh, from_copy);
@@ -66,15 +60,9 @@ impl Placed {
     /// A copy of its mesh, at a place relative to it; `number` is its own.
     fn copy(&self, nth: usize, number: u32, mesh: Option<usize>, from_copy: DAffine3) -> Self {
         let own = &self.node.name;
-        let name = if own.is_empty() { String::new() } else { format!("{own} {}", nth + 1) };
-        Self {
-            node: Node { name, parent: Some(number) },
-            is_copy: true,
-            mesh,
-            has_skin: self.has_skin,
-            weights: self.weights.clone(),
-            world: self.world * from_copy,
-        }
+        let name = if own.is_empty() { String::new() } else { format!("{} {}", shared_name(own), nth + 1) };
+        let node = Node { name, parent: Some(number) };
+        Self { node, index: self.index, mesh, world: self.world * from_copy }
     }
 }
 
@@ -142,8 +130,8 @@ mod tests {
         let text = format!(r#"{{"asset":{{"version":"2.0"}},{tables}}}"#);
         let document = document::parse(text.as_bytes()).unwrap();
         let buffers = buffers::load(&document, std::path::Path::new("x.gltf")).unwrap();
-        let mut instancing = Instancing::of(&document, &buffers).unwrap();
-        walk(&document.root, &mut instancing).map_err(|problem| problem.to_string())
+        let instancing = Instancing::of(&document, &buffers).unwrap();
+        walk(&document.root, instancing).map_err(|problem| problem.to_string())
     }
 
     #[test]

@@ -127,15 +127,20 @@ fn stated_over_measured(mesh: &SourceMesh) -> [f64; 2] {
 /// is measured within a factor of 1.5, and is at most four times as much.
 #[test]
 fn the_stated_error_of_real_parts_is_near_the_measured_one() {
+    let mut off = Vec::new();
     for file in common::models() {
         let mut meshes: Vec<SourceMesh> = common::bodies_of(&file).into_iter().flatten().collect();
         meshes.retain(|mesh| (500..150_000).contains(&mesh.triangles.len()));
         meshes.sort_by_key(|mesh| std::cmp::Reverse(mesh.triangles.len()));
         let ranges = meshes.iter().take(3).map(stated_over_measured);
         let [least, most] = ranges.fold([f64::INFINITY, 0.0], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
-        println!("{}: stated over measured {least:.2} to {most:.2}", file.display());
-        assert!(least >= 1.0 / 1.5 && most <= 4.0, "{}: {least} to {most}", file.display());
+        let line = format!("{}: stated over measured {least:.2} to {most:.2}", file.display());
+        println!("{line}");
+        if least < 1.0 / 1.5 || most > 4.0 {
+            off.push(line);
+        }
     }
+    assert!(off.is_empty(), "{off:#?}");
 }
 
 /// `count` points on a circle around the x axis.

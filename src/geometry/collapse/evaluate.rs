@@ -19,7 +19,7 @@ const SMEAR_LIMIT: f32 = 0.9;
 /// A slight preference for short edges, which decides on flat ground.
 const SHORTNESS: f32 = 1e-6;
 /// What a change of topology costs: the ring's area times this share of the squared edge length.
-const RELAXED_PRICE: f32 = 0.1;
+const RELAXED_PRICE: f32 = 0.4;
 /// What a smeared crease costs, in the same measure.
 const SMEAR_PRICE: f32 = 0.03;
 /// What it costs to smear a colour or a material, in the same measure.

@@ -46,6 +46,8 @@ const PIECE_LOOKS: usize = 8;
 /// A step is taken unless another may cost less than this share of it: closer than that, looking twice is worth
 /// nothing.
 const SLACK: f32 = 0.8;
+/// An error is stated so many times as large as it is found: what is looked at are points, and others may be farther.
+const MARGIN: f32 = 1.1;
 /// What may happen to open boundaries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Boundary {
@@ -169,7 +171,7 @@ pub fn collapse_order(mesh: &WeldedMesh, locked: &[bool], boundary: Boundary) ->
         Boundary::Lock => with_open_positions(mesh, locked),
     };
     let setting = Setting { wedges: &mesh.wedges, attributes: mesh.attributes, locked: &locked };
-    if mesh.wedges.len() <= MAX_PART_VERTICES {
+    if mesh.wedges.len().max(mesh.positions.len()) <= MAX_PART_VERTICES {
         Simplifier::<u16>::new(mesh, setting, places, grid_steps).ordered()
     } else {
         Simplifier::<u32>::new(mesh, setting, places, grid_steps).ordered()
@@ -418,7 +420,7 @@ impl<'a, N: Number> Simplifier<'a, N> {
         self.order.groups.push(Group {
             moves_end: self.order.moves.len() as u32,
             removed_end: self.order.removed.len() as u32,
-            error: self.error * self.grid_steps,
+            error: MARGIN * self.error * self.grid_steps,
             cost: self.cost * self.grid_steps.powi(4),
             phase,
         });
@@ -667,4 +669,40 @@ struct Piece {
     /// Its diagonal.
     size: f32,
     locked: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::weld::{grid_of, weld};
+    use crate::import::SourceMesh;
+
+    /// Waves over a square, with an edge.
+    fn waves(side: u32) -> WeldedMesh {
+        let point = |i: u32| {
+            let [x, y] = [i % side, i / side].map(|c| c as f32);
+            [x, y, (0.4 * x).sin() * (0.3 * y).cos() + if x > 12.0 { 3.0 } else { 0.0 }]
+        };
+        let cell = |i: u32| [[i, i + 1, i + side], [i + 1, i + side + 1, i + side]];
+        let cells = (0..(side - 1) * side).filter(|i| i % side + 1 < side);
+        let mesh = SourceMesh {
+            positions: (0..side * side).map(point).collect(),
+            triangles: cells.flat_map(cell).collect(),
+            ..SourceMesh::default()
+        };
+        weld(&mesh, grid_of(&mesh).unwrap())
+    }
+
+    #[test]
+    fn the_order_does_not_depend_on_how_wide_numbers_are() {
+        let mesh = waves(40);
+        let locked = vec![false; mesh.positions.len()];
+        let setting = || Setting { wedges: &mesh.wedges, attributes: mesh.attributes, locked: &locked };
+        let (places, steps) = local_places(&mesh);
+        let narrow = Simplifier::<u16>::new(&mesh, setting(), places.clone(), steps).ordered();
+        let wide = Simplifier::<u32>::new(&mesh, setting(), places, steps).ordered();
+        assert_eq!(narrow, wide);
+        assert!(narrow.groups.len() > 1_000);
+        assert_eq!(collapse_order(&mesh, &locked, Boundary::Slide), wide);
+    }
 }

@@ -86,8 +86,10 @@ fn chain(count: u32) -> SourceMesh {
 
 #[test]
 fn the_stated_error_is_near_the_measured_one_in_parents_of_cells_slivers_and_chains() {
+    // The chain loses its depth first and then, from just below a half on, its ends, where the error leaps: between two
+    // samples of it, the coarser one is stated.
     for (mesh, ratios) in
-        [(height_field(280), "0.25,0.1"), (thin_ring(7000), "0.9,0.5"), (chain(40), "0.5,0.25")]
+        [(height_field(280), "0.25,0.1"), (thin_ring(7000), "0.9,0.5"), (chain(40), "0.6,0.25")]
     {
         let place = Workplace::new();
         place.write("model.obj", obj(&[mesh]));

@@ -118,6 +118,15 @@ pub(super) fn edge_features(wedge_position: &[u32], triangles: &[[u32; 3]]) -> V
     features
 }
 
+/// Of every position, whether it is on an open edge; `edges` has at least the open ones.
+pub(super) fn open_positions(mesh: &WeldedMesh, edges: &[PositionEdge]) -> Vec<bool> {
+    let mut open = vec![false; mesh.positions.len()];
+    for end in edges.iter().filter(|edge| edge.is_open()).flat_map(|edge| edge.ends) {
+        open[end as usize] = true;
+    }
+    open
+}
+
 /// What a report says about a mesh's edges.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct EdgeCounts {
@@ -129,12 +138,8 @@ pub struct EdgeCounts {
 
 /// Counts open positions and non-manifold edges; `edges` has at least the odd ones.
 pub fn counts_of(mesh: &WeldedMesh, edges: &[PositionEdge]) -> EdgeCounts {
-    let mut open = vec![false; mesh.positions.len()];
-    for end in edges.iter().filter(|edge| edge.is_open()).flat_map(|edge| edge.ends) {
-        open[end as usize] = true;
-    }
     EdgeCounts {
-        open_positions: open.iter().filter(|&&open| open).count(),
+        open_positions: open_positions(mesh, edges).iter().filter(|&&open| open).count(),
         non_manifold_edges: edges.iter().filter(|edge| edge.is_non_manifold()).count(),
     }
 }

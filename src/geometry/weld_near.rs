@@ -5,7 +5,7 @@
 
 use rustc_hash::FxHashMap;
 
-use super::adjacency::PositionEdge;
+use super::adjacency::{PositionEdge, open_positions};
 use super::weld::WeldedMesh;
 
 /// Moves positions on open edges onto the first one within so many grid steps; returns how many moved. `edges` has at
@@ -16,21 +16,14 @@ pub fn close_gaps(mesh: &mut WeldedMesh, edges: &[PositionEdge], steps: f64) -> 
         return 0;
     }
     let open = open_positions(mesh, edges);
+    // In Morton order, as all positions are.
+    let open: Vec<u32> = (0..open.len() as u32).filter(|&position| open[position as usize]).collect();
     let onto = nearest_earlier(mesh, &open, steps.min(f64::from(1u32 << super::record::GRID_BITS)));
     let moved = onto.iter().enumerate().filter(|&(position, &onto)| position as u32 != onto).count();
     if moved > 0 {
         mesh.move_positions(&onto);
     }
     moved
-}
-
-/// The positions on open edges, in Morton order as all positions are.
-fn open_positions(mesh: &WeldedMesh, edges: &[PositionEdge]) -> Vec<u32> {
-    let mut open = vec![false; mesh.positions.len()];
-    for end in edges.iter().filter(|edge| edge.is_open()).flat_map(|edge| edge.ends) {
-        open[end as usize] = true;
-    }
-    (0..open.len() as u32).filter(|&position| open[position as usize]).collect()
 }
 
 /// Cubes of so many tolerances hash the positions that others may move onto: large enough that few positions lie

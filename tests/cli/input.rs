@@ -296,18 +296,25 @@ fn what_would_bend_a_mesh_is_noted() {
     }
 }
 
+/// A triangle called bolt with copies, of which `attributes` says where they are.
+fn copied(attributes: impl FnOnce(&mut serde_json::Value) -> serde_json::Value) -> Vec<u8> {
+    let plain = glb(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[0, 1, 2], 4);
+    with_text(&plain, |json| {
+        let attributes = attributes(json);
+        json["extensionsRequired"] = serde_json::json!(["EXT_mesh_gpu_instancing"]);
+        json["nodes"][0]["name"] = "bolt".into();
+        json["nodes"][0]["extensions"] =
+            serde_json::json!({ "EXT_mesh_gpu_instancing": { "attributes": attributes } });
+    })
+}
+
 #[test]
 fn copies_of_a_mesh_are_placed_and_listed() {
     let place = Workplace::new();
-    let plain = glb(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[0, 1, 2], 4);
-    let copied = with_text(&plain, |json| {
-        json["extensionsRequired"] = serde_json::json!(["EXT_mesh_gpu_instancing"]);
-        json["nodes"][0]["name"] = "bolt".into();
-        // The corners of the triangle are where the copies are, too.
-        let attributes = serde_json::json!({ "TRANSLATION": json["meshes"][0]["primitives"][0]["attributes"]["POSITION"] });
-        json["nodes"][0]["extensions"] =
-            serde_json::json!({ "EXT_mesh_gpu_instancing": { "attributes": attributes } });
-    });
+    // The corners of the triangle are where the copies are, too.
+    let corners =
+        |json: &mut serde_json::Value| json["meshes"][0]["primitives"][0]["attributes"]["POSITION"].clone();
+    let copied = copied(|json| serde_json::json!({ "TRANSLATION": corners(json) }));
     place.write("copied.glb", copied);
     let report = place.bake("copied.glb", "copied.clps");
     assert_eq!((&report["triangles"], &report["instances"]), (&1.into(), &3.into()), "{report}");
@@ -323,15 +330,10 @@ fn copies_of_a_mesh_are_placed_and_listed() {
 #[test]
 fn copies_that_take_more_than_the_memory_are_refused() {
     let place = Workplace::new();
-    let plain = glb(&[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], &[0, 1, 2], 4);
-    let copied = with_text(&plain, |json| {
-        json["extensionsUsed"] = serde_json::json!(["EXT_mesh_gpu_instancing"]);
-        let accessor = serde_json::json!({ "componentType": 5126, "count": 200_000, "type": "VEC3" });
-        json["accessors"].as_array_mut().unwrap().push(accessor);
-        let number = json["accessors"].as_array().unwrap().len() - 1;
-        let attributes = serde_json::json!({ "SCALE": number });
-        json["nodes"][0]["extensions"] =
-            serde_json::json!({ "EXT_mesh_gpu_instancing": { "attributes": attributes } });
+    let copied = copied(|json| {
+        let accessors = json["accessors"].as_array_mut().unwrap();
+        accessors.push(serde_json::json!({ "componentType": 5126, "count": 200_000, "type": "VEC3" }));
+        serde_json::json!({ "SCALE": accessors.len() - 1 })
     });
     place.write("copied.glb", copied);
     let bake = ["bake", "copied.glb", "-o", "out.clps", "--memory", "64MiB"];

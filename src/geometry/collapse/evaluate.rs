@@ -7,7 +7,7 @@
 use glam::{Vec3, Vec4};
 
 use super::Phase;
-use super::mesh::{CornerMesh, Face, NONE, Number};
+use super::mesh::{CornerMesh, Face, HUB, NONE, Number};
 use super::ring::{Neighbour, Place, Ring};
 use crate::geometry::record::Attributes;
 use crate::geometry::record::{Stall, VertexRecord};
@@ -33,9 +33,6 @@ const GAP_WEIGHT: f32 = 1.0;
 pub(super) const LARGEST_PIECE: usize = 32;
 /// At most so many targets are put to the guards, cheapest first: keeps a hub's evaluation linear in its valence.
 const TARGETS_TRIED: usize = 24;
-/// A position with more triangles than this is a hub: nothing that is done beside it may look at all of it.
-pub(super) const HUB: u32 = 64;
-
 /// At most so many triangles are asked whether they touch a hub.
 const MOST_ASKED: u32 = 1024;
 

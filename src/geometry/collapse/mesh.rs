@@ -57,8 +57,9 @@ impl Number for u32 {
 const SPARE: usize = 4;
 /// And for so many more, so that the lists of a small part never have to move together; in tests they shall.
 const LEAST_SPARE: usize = if cfg!(test) { 64 } else { 1 << 14 };
-/// Lists of more corners than this are few.
-const LONG: u32 = 64;
+/// A position with more triangles than this is a hub: nothing that is done beside it may look at all of it, and its list is
+/// moved seldom.
+pub(super) const HUB: u32 = 64;
 
 /// The dynamic mesh.
 pub(super) struct CornerMesh<N> {
@@ -327,8 +328,8 @@ impl<N: Number> CornerMesh<N> {
         self.lists[position as usize] = List { start, room, ..list };
     }
 
-    /// Moves all lists to the front of their array and leaves `room` and a share of the array at its end. Only long lists
-    /// keep their room to grow: they would move again and again. What dead corners took is given back.
+    /// Moves all lists to the front of their array and leaves `room` and a share of the array at its end. Only hubs
+    /// keep their room to grow: their lists would move again and again. What dead corners took is given back.
     fn move_together(&mut self, room: usize) {
         let used = |&position: &u32| self.lists[position as usize].room > 0;
         let mut positions: Vec<u32> = (0..self.lists.len() as u32).filter(used).collect();
@@ -338,8 +339,9 @@ impl<N: Number> CornerMesh<N> {
             self.collect_faces(position, |_, _| {});
             let list = self.lists[position as usize];
             self.corners.copy_within(list.range(), end);
-            let room = if list.len > LONG { list.room.min(list.len + list.len / 2) } else { list.len };
+            let room = if list.len > HUB { list.room.min(list.len + list.len / 2) } else { list.len };
             let moved = List { start: end as u32, room, ..list };
+            // An empty list lies nowhere: the array may end before where it was.
             self.lists[position as usize] = if list.len > 0 { moved } else { List::default() };
             end += room as usize;
         }
@@ -378,6 +380,7 @@ fn lists_for<N: Number>(triangles: &[Triangle<N>], positions: usize) -> Vec<List
     }
     let mut start = 0;
     for list in &mut lists {
+        // An empty list lies nowhere: the array may shrink.
         if list.room == 0 {
             continue;
         }

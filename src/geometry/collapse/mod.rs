@@ -23,13 +23,13 @@ mod ring;
 
 use glam::Vec3;
 
-use super::adjacency::{PositionEdge, position_edges};
+use super::adjacency::{PositionEdge, open_positions, position_edges};
 use super::record::{Attributes, MAX_PART_VERTICES, Stall, VertexRecord};
 use super::weld::WeldedMesh;
 use boxes::{Boxes, Found, GONE};
 use drift::{Drift, NOTABLE, squared_distance};
-use evaluate::{Action, Candidate, Evaluator, HUB, LARGEST_PIECE, Setting};
-use mesh::{CornerMesh, Face, Number, Witness};
+use evaluate::{Action, Candidate, Evaluator, LARGEST_PIECE, Setting};
+use mesh::{CornerMesh, Face, HUB, Number, Witness};
 use queue::BucketQueue;
 use ring::Place;
 
@@ -48,6 +48,7 @@ const PIECE_LOOKS: usize = 8;
 const SLACK: f32 = 0.8;
 /// An error is stated so many times as large as it is found: what is looked at are points, and others may be farther.
 const MARGIN: f32 = 1.1;
+
 /// What may happen to open boundaries.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Boundary {
@@ -180,13 +181,8 @@ pub fn collapse_order(mesh: &WeldedMesh, locked: &[bool], boundary: Boundary) ->
 
 /// The locked positions and those on open edges.
 fn with_open_positions(mesh: &WeldedMesh, locked: &[bool]) -> Vec<bool> {
-    let mut locked = locked.to_vec();
-    for edge in position_edges(mesh, PositionEdge::is_open) {
-        for position in edge.ends {
-            locked[position as usize] = true;
-        }
-    }
-    locked
+    let open = open_positions(mesh, &position_edges(mesh, PositionEdge::is_open));
+    locked.iter().zip(open).map(|(&locked, open)| locked || open).collect()
 }
 
 /// The colour or material of every wedge; empty if wedges have none.

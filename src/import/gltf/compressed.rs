@@ -5,7 +5,6 @@
 //! some of their arguments for granted: all of that is checked here before. What comes out may be garbage, and is
 //! checked where it is used, like any other.
 
-use ::gltf::json::Root;
 use bytemuck::{Pod, Zeroable, cast_slice, cast_slice_mut};
 use serde::Deserialize;
 
@@ -72,14 +71,7 @@ impl Compressed {
     ///
     /// [`Problem::Malformed`] if it is used and makes no sense.
     pub fn of(document: &Document<'_>) -> Result<Self, Problem> {
-        let root: &Root = &document.root;
-        let mut names = root.extensions_used.iter().chain(&root.extensions_required);
-        if !names.any(|name| EXTENSIONS.contains(&name.as_str())) {
-            return Ok(Self::default());
-        }
-        serde_json::from_slice(document.text).map_err(|error| {
-            Problem::Malformed(format!("the JSON of EXT_meshopt_compression is malformed ({error})"))
-        })
+        document.extension(&EXTENSIONS)
     }
 
     /// The extension of a buffer view.

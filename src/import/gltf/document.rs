@@ -2,6 +2,7 @@
 
 use ::gltf::binary::Glb;
 use ::gltf::json::{Root, Value};
+use serde::de::DeserializeOwned;
 
 use crate::import::Problem;
 use crate::import::notes::quoted;
@@ -14,6 +15,26 @@ pub struct Document<'a> {
     pub text: &'a [u8],
     /// The binary chunk of a GLB.
     pub blob: Option<&'a [u8]>,
+}
+
+impl Document<'_> {
+    /// What an extension adds to the tables, read from the text; nothing if the document does not use it.
+    ///
+    /// # Errors
+    ///
+    /// [`Problem::Malformed`] if it is used and makes no sense.
+    pub fn extension<T: Default + DeserializeOwned>(&self, names: &[&str]) -> Result<T, Problem> {
+        let mut used = self.root.extensions_used.iter().chain(&self.root.extensions_required);
+        if !used.any(|name| names.contains(&name.as_str())) {
+            return Ok(T::default());
+        }
+        serde_json::from_slice(self.text).map_err(|error| {
+            Problem::Malformed(format!(
+                "the JSON of {} is malformed ({error})",
+                names.first().unwrap_or(&"an extension")
+            ))
+        })
+    }
 }
 
 /// Extensions that may be required because what they change is read (quantised attributes, compressed views, copies of

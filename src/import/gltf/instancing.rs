@@ -81,14 +81,7 @@ impl<'a> Instancing<'a> {
     /// [`Problem::TooMany`].
     pub fn of(document: &'a Document<'_>, buffers: &'a Buffers<'a>) -> Result<Self, Problem> {
         let root = &document.root;
-        let mut names = root.extensions_used.iter().chain(&root.extensions_required);
-        let tables: Tables = if names.any(|name| name == EXTENSION) {
-            serde_json::from_slice(document.text).map_err(|error| {
-                Problem::Malformed(format!("the JSON of {EXTENSION} is malformed ({error})"))
-            })?
-        } else {
-            Tables::default()
-        };
+        let tables: Tables = document.extension(&[EXTENSION])?;
         let instancing = Self { root, nodes: tables.nodes, accessors: Accessors::new(root, buffers) };
         let count = instancing.all().fold(0, |sum: u64, (_, count)| sum.saturating_add(count));
         let count = usize::try_from(count).unwrap_or(usize::MAX);
@@ -111,16 +104,19 @@ impl<'a> Instancing<'a> {
 
     /// How much memory the copies take until the model is baked, at most, in bytes.
     pub fn need_bytes(&self) -> u64 {
-        let meshes = |node: usize| self.root.meshes.get(self.root.nodes.get(node)?.mesh?.value());
-        let name = |node: usize| self.root.nodes.get(node)?.name.as_deref();
+        let mesh_of = |node: usize| self.root.meshes.get(self.root.nodes.get(node)?.mesh?.value());
         let each = self.all().map(|(node, count)| {
-            let primitives = meshes(node).map_or(0, |mesh| mesh.primitives.len());
+            let primitives = mesh_of(node).map_or(0, |mesh| mesh.primitives.len());
             // Vectors grow by doubling; a name and its number.
             let listed = 2 * (size_of::<Placed>() + size_of::<Node>() + primitives * size_of::<Instance>());
-            let named = 32 + name(node).map_or(0, |name| shared_name(name).len());
+            let named = 32 + shared_name(self.name(node)).len();
             count.saturating_mul((listed + named) as u64)
         });
         each.fold(0, u64::saturating_add)
+    }
+
+    fn name(&self, node: usize) -> &str {
+        self.root.nodes.get(node).and_then(|node| node.name.as_deref()).unwrap_or_default()
     }
 
     /// The extension's attributes of a node with a mesh.
@@ -156,8 +152,7 @@ impl<'a> Instancing<'a> {
             } else {
                 continue;
             };
-            let own = self.root.nodes.get(node).and_then(|node| node.name.as_deref()).unwrap_or_default();
-            return Err(Problem::Malformed(format!("node {node} {} {what}", quoted(own))));
+            return Err(Problem::Malformed(format!("node {node} {} {what}", quoted(self.name(node)))));
         }
         let [translation, rotation, scale] = readers.map(|(.., reader)| reader);
         let copies = Copies { translation, rotation, scale };

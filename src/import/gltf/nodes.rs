@@ -48,10 +48,11 @@ pub fn walk(root: &Root, mut instancing: Instancing<'_>) -> Result<Vec<Placed>, 
             mesh: mesh.filter(|_| copies.is_none()),
             world: above * local_transform(node),
         };
-        let copy = |(nth, from_copy): (usize, DAffine3)| own.copy(nth, number, mesh, from_copy);
-        let copies: Vec<Placed> = copies.into_iter().flatten().enumerate().map(copy).collect();
         placed.push(own);
-        placed.extend(copies);
+        for (nth, from_copy) in copies.into_iter().flatten().enumerate() {
+            let copy = placed[number as usize].copy(nth, number, mesh, from_copy);
+            placed.push(copy);
+        }
     }
     Ok(placed)
 }
